@@ -14,7 +14,7 @@ MOST_MISSING = 1e-4
 LEAST_ENERGY = 1.0
 """Energy [J] that a balance may lack of a train that hardly moves."""
 ROUNDING = 1e-9
-"""Share of the energy that is there, and of a limit, that counts for nothing."""
+"""Share of the energy that is there, of a limit, and of the range of a metric, that counts for nothing."""
 BRAKED = 0.015
 """Share by which a braked wheel may exceed the recorded limit, which is that of driving: Polach's law gives 0.2 % more, and
 1 % at walking pace."""

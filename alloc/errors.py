@@ -25,7 +25,7 @@ class InputError(ValueError):
     """The input is impossible; the message names it and says what to do."""
 
     infinite: ClassVar[bool] = False
-    """Whether every number may be infinite."""
+    """Whether every number may be infinite where a check says nothing else."""
 
     @classmethod
     def check(
@@ -35,34 +35,27 @@ class InputError(ValueError):
         positive: Iterable[str] = (),
         nonnegative: Iterable[str] = (),
         finite: Iterable[str] = (),
-        infinite: Iterable[str] = (),
+        infinite: Iterable[str] | None = None,
     ) -> None:
         """Raise this error for the first of the named `values`, fields or entries, that is not a number in its range.
 
-        A name that ends with [] is a sequence of numbers. `finite`: of any sign. `infinite`: names whose values may be
-        infinite.
+        A name that ends with [] is a sequence of numbers. `finite`: of any sign. `infinite`: the only names whose values
+        may be infinite.
         """
-        allowed = set(infinite)
-        ranges: tuple[tuple[Iterable[str], dict[str, bool]], ...] = (
+        unbounded = cls.infinite and infinite is None
+        ranges: list[tuple[Iterable[str], dict[str, bool]]] = [
             (positive, {}), (nonnegative, {"zero": True}), (finite, {"negative": True})
-        )  # fmt: skip
+        ]  # fmt: skip
         for names, kind in ranges:
             for name in names:
                 key = name.removesuffix("[]")
                 given = values[key] if isinstance(values, Mapping) else getattr(values, key)
-                several = enumerate(given) if name.endswith("[]") else [(None, given)]
-                for k, value in several:
-                    fault = number_fault(value, infinite=cls.infinite or name in allowed, **kind)
+                may_be_infinite = unbounded or name in (infinite or ())
+                for k, value in enumerate(given if name.endswith("[]") else [given]):
+                    fault = number_fault(value, infinite=may_be_infinite, **kind)
                     if fault is not None:
-                        place = key if k is None else f"{key}[{k}]"
+                        place = f"{key}[{k}]" if name.endswith("[]") else key
                         raise cls(f"{owner}: {place} = {value!r} {fault}")
-
-    @classmethod
-    def check_finite(cls, owner: str, values: Any, names: Iterable[str]) -> None:
-        """Raise this error for the first of the named fields that is not finite, where other fields may be infinite."""
-        for name in names:
-            if not math.isfinite(getattr(values, name)):
-                raise cls(f"{owner}: {name} = {getattr(values, name)!r} must be finite")
 
     @classmethod
     def check_order(cls, owner: str, values: Any, low: str, high: str, equal: bool = False) -> None:

@@ -103,9 +103,6 @@ def check_size(
         )
 
 
-# A slip event: what is the same for every rule and controller of a comparison.
-
-
 STEP, NOISY_STEP = 2e-3, 1e-3
 """Default integration steps [s] of an event, without and with noise on the speed sensors."""
 

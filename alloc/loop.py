@@ -137,8 +137,6 @@ def true_limits(plant, eq, time, sign, braking, truth, trailing):
         truth[j] = max(truth[j] + turning, 0.0) / (share * eq.axle_load[j])
 
 
-# The closed loop: a plant that runs control period by control period, with calls to parts in Python on the way.
-#
 # The loop is compiled. It returns to Python only where a part lives there (a driver, a rule with a QP solver, an MPC).
 # It states what it needs, and continues with the answer. So compiled and hosted parts work in exactly the same run.
 
@@ -199,10 +197,10 @@ class Given(NamedTuple):
 
     commanded: Floats  # (ticks,) acceleration
     noise: Floats  # (ticks, or 1 without noise, axles) of the speed sensors [m/s at the rim]
-    delay: Floats  # (telegrams, units) draws of the telegrams' jitter
-    lost: Floats  # (telegrams, units) and of their loss
-    up_delay: Floats  # the same of the telegrams to the leader
-    up_loss: Floats
+    delay_draw: Floats  # (telegrams, units) uniform draws: of the jitter of a telegram's delay
+    loss_draw: Floats  # (telegrams, units) of its loss
+    up_delay_draw: Floats  # the same of the telegrams to the leader
+    up_loss_draw: Floats
 
 
 @jit
@@ -237,9 +235,9 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 plant.state[pressure : pressure + rows.groups],
                 given.noise[tick if st.sensors.noisy else 0],
             )  # fmt: skip
-            row = (tick // st.telegrams.ticks) % given.delay.shape[0]
+            row = (tick // st.telegrams.ticks) % given.delay_draw.shape[0]
             write_reports(eq, st, m, time, a)
-            hear_reports(eq, st, m, time, tick, given.up_delay[row], given.up_loss[row])
+            hear_reports(eq, st, m, time, tick, given.up_delay_draw[row], given.up_loss_draw[row])
             needed = prepare_allocation(eq, st, m, time, tick, a, failed)
             if needed and st.rule.caps == Caps.TRUE:
                 sign = 1.0 if a >= 0.0 else -1.0
@@ -264,8 +262,8 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 )
         braking = eq.blended and a < 0.0
         if progress.phase[0] == DISTRIBUTE:
-            row = (tick // st.telegrams.ticks) % given.delay.shape[0]
-            distribute(eq, st, m, time, tick, given.delay[row], given.lost[row])
+            row = (tick // st.telegrams.ticks) % given.delay_draw.shape[0]
+            distribute(eq, st, m, time, tick, given.delay_draw[row], given.loss_draw[row])
             if braking:
                 set_brake_targets(eq, st, m)
             else:

@@ -215,12 +215,12 @@ def _mean_of_bodies(share: Floats, values: Floats) -> Floats:
 def _motor_limits(model: Model, time: Floats, speed: Floats) -> tuple[Floats, Floats]:
     """Most that each motor can drive and brake with [N m], (instants, units), without slip at `speed` (instants, bodies)."""
     s, n, e = model.structure, model.layout, model.environment
-    taken, last = power_taken(time, e.receptivity), s.drive_table.shape[1] - 1.000001
+    taken = power_taken(time, e.receptivity)
     works = e.failure_time > time[:, None]
     drive, brake = np.zeros((2, time.size, n.units))
     for j in range(n.units):
         own = speed[:, s.axle_body[s.axle_unit == j][0]]
-        place = limit_place(own, 1.0 / EFFORT_SPEED_STEP, last)
+        place = limit_place(own, 1.0 / EFFORT_SPEED_STEP, s.drive_table.shape[1])
         drive[:, j] = look_up(s.drive_table[j], place)
         brake[:, j] = taken * look_up(s.brake_table[j], place)
     return drive * works, brake * works
@@ -344,9 +344,6 @@ class RunAttributes(DrivenAttributes):
 def attributes_of(run: xr.Dataset) -> RunAttributes:
     """The attributes of a run of `simulate`, typed; they are those in `run.attrs`, which may hold more."""
     return cast(RunAttributes, run.attrs)
-
-
-# A recorded run as an `xarray.Dataset`: made from the loop's record, saved and loaded.
 
 
 class Record(NamedTuple):

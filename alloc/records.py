@@ -8,7 +8,7 @@ import hashlib
 import re
 from collections import namedtuple
 from collections.abc import Mapping
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import field, is_dataclass
 from functools import cache, lru_cache
 from inspect import get_annotations
 from typing import Any, ClassVar, NamedTuple, TypeVar, get_args, get_origin
@@ -18,22 +18,13 @@ from docstring_parser.attrdoc import AttributeDocstrings
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.typing.templates import (
-    AbstractTemplate,
-    AttributeTemplate,
-    infer,
-    infer_getattr,
-    signature,
-)
+from numba.core.types.npytypes import _RecordField
 from numba.extending import (
-    NativeValue,
     intrinsic,
-    lower_builtin,
     lower_getattr_generic,
     models,
     register_model,
     typeof_impl,
-    unbox,
 )
 from numba.np.numpy_support import from_dtype
 
@@ -41,26 +32,25 @@ from numba.np.numpy_support import from_dtype
 #
 # Numba passes a `NamedTuple` by value, field by field, seven numbers per array. With the hundreds of arrays of a run
 # this took most of the compile time, and more time than the work of a short step. Here compiled code gets the address
-# of a block with the numbers and the addresses of the arrays; it reads fields as those of the `NamedTuple`.
-
+# of a block in which every field lies as Numba keeps it in memory, and reads fields as those of the `NamedTuple`.
 
 _WORD = ir.IntType(64)
+_NUMBERS = {
+    float: (np.float64, types.float64),
+    bool: (np.int64, types.boolean),
+    int: (np.int64, types.int64),
+}
 
 
-class Field(NamedTuple):
-    """A field of a record: its type, and its first word in the block."""
+class RecordType(types.Record):
+    """Numba's type of a record of NumPy, whose fields may be arrays; records of equal fields are of one type."""
 
-    kind: types.Type
-    word: int
+    __repr__ = types.Type.__repr__
 
-
-class Record(types.Type):
-    """Numba's type of a record by its address; records of equal fields are of one type."""
-
-    def __init__(self, name: str, fields: tuple[tuple[str, Field], ...]) -> None:
-        self.fields = dict(fields)
+    def __init__(self, name: str, fields: dict[str, _RecordField]) -> None:
+        self.fields = fields  # an offset is the first word in the block
         digest = hashlib.sha256(repr((name, fields)).encode()).hexdigest()[:12]
-        super().__init__(name=f"{name}_{digest}")
+        types.Type.__init__(self, f"{name}_{digest}")  # Numba's name would be as long as all fields
 
 
 class ByReference:
@@ -72,159 +62,83 @@ class ByReference:
     def __init__(self, value: Any) -> None:
         self._value = value
         words: list[int] = []
-        self.kind = _record(_lay_out(value, words))
-        self._block = np.array(words, dtype=np.uint64)
-        self.address = self._block.ctypes.data
+        self.kind = _type(_lay_out(value, words))
+        self.data = np.array(words, dtype=np.uint64)
+        self.address = self.data.ctypes.data
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._value, name)
 
 
-Kind = tuple[str, tuple[tuple[str, Any, int], ...]]
-"""A record in plain values: its class, and of every field its name, what it is, and its first word."""
-
-_NUMBERS = {
-    float: (np.float64, types.float64),
-    bool: (np.int64, types.boolean),
-    int: (np.int64, types.int64),
-}
-
-
-def _lay_out(value: Any, words: list[int]) -> Kind:
-    """Append the words of `value`; an array takes its address and shape, a number one word."""
+def _lay_out(value: Any, words: list[int]) -> tuple[str, tuple[tuple[str, Any, int], ...]]:
+    """Append the words of `value`; returns its class, and of each field its name, what it is, and its first word."""
     fields, start = [], len(words)
     for name, item in zip(value._fields, value, strict=True):
         word = len(words) - start
+        plain = item.item() if isinstance(item, np.generic) else item
+        what: Any = None
         if isinstance(item, np.ndarray):
             if not item.flags.c_contiguous:
                 raise TypeError(f"{type(value).__name__}.{name}: the array is not contiguous")
-            words += [item.__array_interface__["data"][0], *item.shape]
-            what: Any = (item.dtype, item.ndim)
+            address = item.__array_interface__["data"][0]
+            words += [0, 0, item.size, item.itemsize, address, *item.shape, *item.strides]
+            what = item.dtype, item.ndim
         elif hasattr(item, "_fields"):
             what = _lay_out(item._value if isinstance(item, ByReference) else item, words)
-        elif item is None:
-            what = None
-        else:
-            what = _number(f"{type(value).__name__}.{name}", item, words)
+        elif type(plain) in _NUMBERS:
+            what = type(plain)
+            words.append(int(_NUMBERS[what][0](plain).view(np.uint64)))
+        elif item is not None:
+            raise TypeError(
+                f"{type(value).__name__}.{name}: {type(item).__name__} is neither number, array nor record"
+            )
         fields.append((name, what, word))
     return type(value).__name__, tuple(fields)
 
 
-def _number(name: str, item: Any, words: list[int]) -> type:
-    """Append the word of a number; returns which of `_NUMBERS` it is."""
-    plain = item.item() if isinstance(item, np.generic) else item
-    if type(plain) not in _NUMBERS:
-        raise TypeError(f"{name}: {type(item).__name__} is neither number, array nor record")
-    words.append(int(_NUMBERS[type(plain)][0](plain).view(np.uint64)))
-    return type(plain)
-
-
-@lru_cache(maxsize=256)
-def _record(kind: Kind) -> Record:
-    """Numba's type of a record."""
-    name, fields = kind
-    return Record(name, tuple((field, Field(_type(what), word)) for field, what, word in fields))
-
-
+@lru_cache(maxsize=1024)
 def _type(what: Any) -> types.Type:
+    """Numba's type of a field, or of a record, that is `what` says `_lay_out`."""
     if what is None:
         return types.none
     if isinstance(what, type):
         return _NUMBERS[what][1]
     if isinstance(what[0], str):
-        return _record(what)
+        return RecordType(
+            what[0],
+            {name: _RecordField(_type(one), word, None, None) for name, one, word in what[1]},
+        )
     return types.Array(from_dtype(what[0]), what[1], "C")
 
 
-@register_model(Record)
+@register_model(RecordType)
 class _RecordModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: types.Type) -> None:
         super().__init__(manager, kind, _WORD.as_pointer())
 
 
 @typeof_impl.register(ByReference)
-def _typeof(value: ByReference, context: Any) -> Record:
+def _typeof(value: ByReference, context: Any) -> types.Type:
     return value.kind
 
 
-@unbox(Record)
-def _unbox(kind: Record, value: Any, context: Any) -> NativeValue:
-    address = context.pyapi.object_getattr_string(value, "address")
-    number = context.pyapi.long_as_ulonglong(address)
-    context.pyapi.decref(address)
-    return NativeValue(context.builder.inttoptr(number, _WORD.as_pointer()))
-
-
-@infer_getattr
-class _Fields(AttributeTemplate):
-    key = Record
-
-    def generic_resolve(self, kind: Any, name: Any) -> Any:  # type: ignore[override]
-        return kind.fields[name].kind if name in kind.fields else None
-
-
-@infer
-class _Items(AbstractTemplate):
-    key = "static_getitem"
-
-    def generic(self, args: Any, kws: Any) -> Any:
-        kind, index = args
-        if isinstance(kind, Record) and isinstance(index, int):
-            return signature(list(kind.fields.values())[index].kind, *args)
-        return None
-
-
-@lower_builtin("static_getitem", Record, types.IntegerLiteral)
-def _read_item(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    block, index = args
-    return _read(context, builder, sig.args[0], block, list(sig.args[0].fields)[index])
-
-
-@lower_getattr_generic(Record)
-def _read(context: Any, builder: Any, kind: Record, block: Any, name: str) -> Any:
-    field = kind.fields[name]
-
-    def word(k: int, of: ir.Type = _WORD) -> Any:
-        place = builder.gep(block, [ir.Constant(_WORD, k)])
-        value = builder.load(builder.bitcast(place, of.as_pointer()), align=8)
-        # nothing writes to the block while compiled code runs
-        value.set_metadata("invariant.load", builder.module.add_metadata([]))
-        return value
-
-    if isinstance(field.kind, Record):
-        return builder.gep(block, [ir.Constant(_WORD, field.word)])
-    if field.kind == types.none:
+@lower_getattr_generic(RecordType)
+def _read(context: Any, builder: Any, kind: RecordType, block: Any, name: str) -> Any:
+    of, word = kind.fields[name][:2]
+    place = builder.gep(block, [ir.Constant(_WORD, word)])
+    if isinstance(of, RecordType):
+        return place
+    if of == types.none:
         return context.get_dummy_value()
-    if isinstance(field.kind, types.Array):
-        return _array(context, builder, field, word)
-    if field.kind == types.float64:
-        return word(field.word, ir.DoubleType())
-    number = word(field.word)
-    return builder.trunc(number, ir.IntType(1)) if field.kind == types.boolean else number
-
-
-def _array(context: Any, builder: Any, field: Field, word: Any) -> Any:
-    """Numba's description of an array, of its address and shape; nobody owns it."""
-    kind: Any = field.kind
-    array = context.make_array(kind)(context, builder)
-    size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
-    shape = [word(field.word + 1 + k) for k in range(kind.ndim)]
-    strides = [ir.Constant(_WORD, size)]
-    for count in reversed(shape[1:]):
-        strides.insert(0, builder.mul(strides[0], count))
-    items = shape[0] if shape else ir.Constant(_WORD, 1)
-    for count in shape[1:]:
-        items = builder.mul(items, count)
-    data = builder.inttoptr(word(field.word), context.get_data_type(kind.dtype).as_pointer())
-    context.populate_array(
-        array,
-        data=data,
-        shape=cgutils.pack_array(builder, shape),
-        strides=cgutils.pack_array(builder, strides),
-        itemsize=size,
-        meminfo=None,
-    )
-    return array._getvalue()
+    as_number = types.int64 if of == types.boolean else of
+    model = context.data_model_manager[as_number]
+    before = len(builder.block.instructions)
+    place = builder.bitcast(place, model.get_data_type().as_pointer())
+    value = model.load_from_data_pointer(builder, place, align=8)
+    for one in builder.block.instructions[before:]:
+        if isinstance(one, ir.LoadInstr):  # nothing writes to the block while compiled code runs
+            one.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return builder.trunc(value, ir.IntType(1)) if of == types.boolean else value
 
 
 # Compiled functions and records that are handed to compiled code as numbers: their addresses.
@@ -240,13 +154,15 @@ def address_of(function: Any, kind: types.FunctionType) -> int:
     return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
 
 
-def function_at(kind: types.FunctionType) -> Any:
-    """Compiled function that takes an address (int64) and returns the function of `kind` stored there."""
+def stored_at(kind: types.FunctionType | RecordType) -> Any:
+    """Compiled function that takes an address (int64) and returns the function or the record of `kind` stored there."""
 
     def at(typingctx, address):
         def generate(context, builder, signature, args):
+            pointer = builder.inttoptr(args[0], context.get_data_type(types.voidptr))
+            if isinstance(kind, RecordType):
+                return builder.bitcast(pointer, context.get_data_type(kind))
             made = cgutils.create_struct_proxy(kind)(context, builder)
-            pointer = builder.inttoptr(args[0], ir.IntType(8).as_pointer())
             made.c_addr = made.py_addr = ir.Constant(pointer.type, None)
             made.jit_addr = pointer
             return made._getvalue()
@@ -256,23 +172,8 @@ def function_at(kind: types.FunctionType) -> Any:
     return intrinsic(at)
 
 
-def record_at(kind: Record) -> Any:
-    """Compiled function of an address (int64) that returns the record of `kind` there, see `alloc.records`."""
-
-    def at(typingctx, address):
-        def generate(context, builder, signature, args):
-            return builder.inttoptr(args[0], context.get_data_type(kind))
-
-        return kind(types.int64), generate
-
-    return intrinsic(at)
-
-
-# Records of single numbers whose fields are attributes, in Python as in compiled code.
-
-
 def named_record(*names: str, **others: type) -> np.dtype[np.void]:
-    """Type of records of floats called `names`, then of what is said of `others`; for arrays of such records."""
+    """Type of records of floats `names`, then of `others`; for arrays whose records have them as attributes everywhere."""
     return np.dtype((np.record, [(name, float) for name in names] + list(others.items())))
 
 
@@ -282,14 +183,11 @@ def named_record(*names: str, **others: type) -> np.dtype[np.void]:
 # the source of meaning and value; both come at the end. A unit in brackets is that of the field; a key may use another
 # unit.
 
-
 UNIT = re.compile(r"(?:^| )\[((?:[A-Za-z(]|1/)[^\]]*)\]")
-NAME = re.compile(r"`(\w+)`")
 PARTS = re.compile(r"(?:^|(?<=\s))(Left out|Source): ")
 
 
-@dataclass(frozen=True)
-class Meaning:
+class Meaning(NamedTuple):
     """What is said of a key; empty where nothing is."""
 
     text: str = ""
@@ -303,9 +201,9 @@ class Meaning:
         """The same with other names for what stands in backticks."""
 
         def renamed(text: str) -> str:
-            return NAME.sub(lambda found: f"`{names.get(found[1], found[1])}`", text)
+            return re.sub(r"`(\w+)`", lambda found: f"`{names.get(found[1], found[1])}`", text)
 
-        return replace(self, text=renamed(self.text), left_out=renamed(self.left_out))
+        return self._replace(text=renamed(self.text), left_out=renamed(self.left_out))
 
 
 @cache
@@ -316,8 +214,13 @@ def meanings(kind: type) -> dict[str, Meaning]:
         if base.__module__ in ("builtins", "pydantic.main"):
             continue
         of_class = meant(base.__dict__.get("__doc__") or "").source
-        own = {name: meant(text) for name, (text, *_) in _docstrings(base).items()}
-        found |= {name: replace(one, source=one.source or of_class) for name, one in own.items()}
+        try:
+            stated = AttributeDocstrings().get_attr_docs(base)
+        except TypeError:  # made at run time: it has no source
+            continue
+        for name, (text, *_) in stated.items():
+            meaning = meant(text)
+            found[name] = meaning._replace(source=meaning.source or of_class)
     return found
 
 
@@ -326,26 +229,14 @@ def meant(docstring: str) -> Meaning:
     text, *parts = PARTS.split(" ".join(docstring.split()))
     said = {mark: part.strip() for mark, part in zip(parts[::2], parts[1::2], strict=True)}
     unit = UNIT.search(text)
-    return Meaning(
-        UNIT.sub("", text).strip(),
-        unit.group(1) if unit else "",
-        said.get("Left out", ""),
-        said.get("Source", ""),
-    )
-
-
-def _docstrings(kind: type) -> dict[str, tuple[str, str | None, str | None]]:
-    try:
-        return AttributeDocstrings().get_attr_docs(kind)
-    except TypeError:  # made at run time: it has no source
-        return {}
+    own = UNIT.sub("", text).strip()
+    return Meaning(own, unit[1] if unit else "", said.get("Left out", ""), said.get("Source", ""))
 
 
 # Fields of parameter records: the unit in which a file gives them, and what compiled code takes of them.
 #
 # A number is declared once, as a field of a frozen dataclass. One that is the same for every train is a `ClassVar`: no file
 # sets it. `numbers_of` makes the record that compiled code reads.
-
 
 Filled = TypeVar("Filled")
 
@@ -367,18 +258,21 @@ def quantity(
 @cache
 def _numeric(kind: type) -> dict[str, type]:
     """Fields and constants (`ClassVar`) of a dataclass that are numbers or further dataclasses, and the type of each."""
-    found = {}
-    for base in reversed(kind.__mro__):
-        for name, stated in get_annotations(base).items():
-            stated = get_args(stated)[0] if get_origin(stated) is ClassVar else stated
-            if stated in _NUMBERS or is_dataclass(stated):
-                found[name] = stated
-    return found
+    stated = {
+        name: one for base in reversed(kind.__mro__) for name, one in get_annotations(base).items()
+    }
+    plain = {
+        name: get_args(one)[0] if get_origin(one) is ClassVar else one
+        for name, one in stated.items()
+    }
+    return {name: one for name, one in plain.items() if one in _NUMBERS or is_dataclass(one)}
 
 
 @cache
-def _numbers_kind(name: str, fields: tuple[str, ...]) -> Any:
-    return namedtuple(name, fields)
+def _named_tuple(kind: Any, fields: tuple[str, ...]) -> Any:
+    made = kind.Numbers = namedtuple(kind.__name__, fields, module=kind.__module__)
+    made.__qualname__ = f"{kind.__qualname__}.Numbers"  # where Numba's cache looks for it
+    return made
 
 
 def numbers_of(record: Any, **others: Any) -> Any:
@@ -391,9 +285,8 @@ def numbers_of(record: Any, **others: Any) -> Any:
         name: numbers_of(getattr(record, name)) if is_dataclass(stated) else stated(getattr(record, name))
         for name, stated in _numeric(kind).items()
         if name not in others
-    }  # fmt: skip
-    values |= others
-    return _numbers_kind(kind.__name__, tuple(values))(**values)
+    } | others  # fmt: skip
+    return _named_tuple(kind, tuple(values))(**values)
 
 
 def filled(kind: type[Filled], source: Any, **others: Any) -> Filled:
@@ -401,5 +294,5 @@ def filled(kind: type[Filled], source: Any, **others: Any) -> Filled:
     values = {}
     for name, stated in kind.__annotations__.items():
         value = others[name] if name in others else getattr(source, name)
-        values[name] = stated(value) if stated in (float, int, bool) else value
+        values[name] = stated(value) if stated in _NUMBERS else value
     return kind(**values)

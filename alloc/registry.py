@@ -17,12 +17,6 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from alloc.display import table
 
-# Parts of one kind by name: shipped ones, those of installed packages, and those registered at run time.
-#
-# A part registers in the file that defines it. An installed package offers one by an entry point. The entry point's
-# group is the kind, its name is the part's name, and its object is the part.
-
-
 Part = TypeVar("Part")
 
 
@@ -41,38 +35,38 @@ class Registry(Mapping[str, Part], Generic[Part]):
         kind: str,
         group: str,
         error: type[Exception] = ValueError,
-        package: str | None = None,
+        package: str = "",
         order: Sequence[str] = (),
     ) -> None:
         self.kind, self.group = kind, group
         self._error, self._package, self._order = error, package, order
         self._parts: dict[str, Part] = {}
         self._origins: dict[str, str] = {}
-        self._filled, self._filling = package is None, False
+        self._waiting = bool(package)
         self._lock = threading.RLock()
-        self._home = str(sys._getframe(1).f_globals.get("__name__", ""))
+        self.__module__ = _calling()
 
     def __repr__(self) -> str:
         return f"<Registry of {len(self)} parts, each a {self.kind}: {', '.join(self)}>"
 
     def _repr_html_(self) -> str:
-        meanings = ("description", "meaning")
-        rows = [
-            (name, next((str(getattr(part, one)) for one in meanings if hasattr(part, one)), ""))
-            for name, part in self.items()
-        ]
+        def meaning(part: Any) -> str:
+            return str(getattr(part, "description", getattr(part, "meaning", "")))
+
+        rows = [(name, meaning(part)) for name, part in self.items()]
         return table(f"{self.kind}: {len(rows)} names", rows)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Another process takes its own registry: parts are registered in each."""
-        return _of_home, (self._home, self.kind)
+    def __reduce__(self) -> str:
+        """Another process takes its own registry, by its name in its module: parts are registered in each."""
+        made = vars(sys.modules[self.__module__]).items()
+        return next(name for name, one in made if one is self)
 
     def register(self, name: str, part: Part, origin: str | None = None) -> Part:
         """Add `part` under `name`; the module that registered a name may do so again, but no other module may.
 
         `origin`: the part's module; the default is the calling module.
         """
-        origin = origin or str(sys._getframe(1).f_globals.get("__name__", ""))
+        origin = origin or _calling()
         if not self._ships(origin):
             self._fill()
         entry = self._installed.get(name)
@@ -109,50 +103,41 @@ class Registry(Mapping[str, Part], Generic[Part]):
 
     def __iter__(self) -> Iterator[str]:
         self._fill()
-        return iter(dict.fromkeys([*sorted(self._parts, key=self._rank), *self._installed]))
+        first = [name for name in self._order if name in self._parts]
+        shipped = [name for name in self._parts if self._ships(self._origins[name])]
+        shipped.sort(key=self._origins.__getitem__)
+        return iter(dict.fromkeys([*first, *shipped, *self._parts, *self._installed]))
 
     def __len__(self) -> int:
         return len(list(iter(self)))
 
     def _ships(self, origin: str) -> bool:
-        return self._package is not None and origin.startswith(self._package)
-
-    def _rank(self, name: str) -> tuple[int, int | str]:
-        if name in self._order:
-            return 0, self._order.index(name)
-        return (1, self._origins[name]) if self._ships(self._origins[name]) else (2, 0)
+        return bool(self._package) and origin.startswith(self._package)
 
     def _fill(self) -> None:
-        if self._filled:
-            return
-        # another thread waits for all parts; this one may ask while it imports them
-        with self._lock:
-            if self._filled or self._filling:
-                return
-            self._filling = True
-            try:
-                for module in pkgutil.iter_modules(import_module(str(self._package)).__path__):
+        """Import the modules of shipped parts; another thread waits for them, while this one may ask during the import."""
+        if self._waiting and not self._lock._is_owned():  # type: ignore[attr-defined]
+            with self._lock:
+                package = import_module(self._package)
+                for module in pkgutil.iter_modules(package.__path__):
                     import_module(f"{self._package}.{module.name}")
-                self._filled = True
-            finally:
-                self._filling = False
+                self._waiting = False
 
     @cached_property
     def _installed(self) -> dict[str, EntryPoint]:
         return {entry.name: entry for entry in entry_points(group=self.group)}
 
 
-def _of_home(home: str, kind: str) -> "Registry[Any]":
-    """The registry of this kind that a module made."""
-    made = vars(import_module(home)).values()
-    return next(one for one in made if isinstance(one, Registry) and one.kind == kind)
-
-
-# Packages that offer names of their modules without importing them: a module is imported when one of its names is.
+def _calling() -> str:
+    """Name of the module that calls the method that calls this."""
+    return str(sys._getframe(2).f_globals.get("__name__", ""))
 
 
 def names_of(package: str, **modules: str) -> Callable[[str], Any]:
-    """A package's `__getattr__` (PEP 562): module of the package -> the names in it that the package offers."""
+    """A package's `__getattr__` (PEP 562): module of the package -> the names in it that the package offers.
+
+    A module is imported when one of its names is asked for.
+    """
     homes = {name: module for module, names in modules.items() for name in names.split()}
 
     def find(name: str) -> Any:

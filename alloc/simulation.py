@@ -231,8 +231,9 @@ def inputs_hash(event: Event) -> str:
     )
     # + 0.0: without noise there are zeros of either sign
     parts = (
-        model.structure, model.environment, eq, given.noise + 0.0, telegrams.jitter * given.delay,
-        given.lost < telegrams.loss, telegrams.jitter * given.up_delay, given.up_loss < telegrams.loss,
+        model.structure, model.environment, eq, given.noise + 0.0,
+        telegrams.jitter * given.delay_draw, given.loss_draw < telegrams.loss,
+        telegrams.jitter * given.up_delay_draw, given.up_loss_draw < telegrams.loss,
         event.command, event.initial_speed, event.initial_position,
     )  # fmt: skip
     digest = hashlib.sha256()

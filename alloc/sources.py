@@ -1,7 +1,7 @@
-"""Which sources decide a result, known by a hash of their syntax; and the private folder for what is kept of them.
+"""What is kept between processes, whole and undamaged; and which sources decide a result, known by a hash of their syntax.
 
-In: names of modules. Out: one hash, which rows of studies and compiled kernels carry. What is loaded as code lies in a
-folder of the user's own; its files are written whole or not at all.
+In: content under a name; names of modules. Out: the content as it was written; one hash, which rows of studies and
+compiled kernels carry, so neither is taken for the work of other code.
 """
 
 import ast
@@ -13,25 +13,21 @@ import shutil
 import stat
 import sys
 import tempfile
+import time
 import tomllib
 import uuid
 import warnings
 from atexit import register
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib.metadata import version
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
-from typing import NamedTuple
-
-# Files that other processes see whole or not at all, and that are not used once they are damaged.
-
+from typing import Any, NamedTuple
 
 ASIDE = ".part"
 """In the name of a file that is being written."""
-SEAL = 32
-"""Bytes of the digest behind what `sealed` has sealed."""
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
@@ -58,35 +54,51 @@ def writing(path: Path) -> Iterator[Path]:
         aside.unlink(missing_ok=True)
 
 
-def sealed(content: bytes) -> bytes:
-    """`content` and its digest; pickle, marshal and loaders of libraries ignore what stands behind the end."""
-    return content + hashlib.sha256(content).digest()
-
-
-def set_aside_damaged(path: Path, content: bytes | None = None) -> None:
-    """Rename `path`, with a warning, if it is not as it was written: `content`, or whatever was sealed."""
-    with suppress(FileNotFoundError):  # as another process may set it aside too
-        found = path.read_bytes()
-        digest = hashlib.sha256(memoryview(found)[:-SEAL]).digest()
-        if found.endswith(digest) if content is None else found == content:
-            return
-        aside = path.with_name(f"damaged-{path.name}")
-        os.replace(path, aside)
-        warnings.warn(
-            f"{str(path)!r} is damaged and made again; what it was is now {aside.name!r}",
-            RuntimeWarning,
-            stacklevel=2,
-        )
-
-
-# Folders for what is loaded as code: they belong to the user, and nobody else can write there.
-#
-# A compiled kernel, a generated module or a library is executed when it is loaded. A folder of another user, one that
-# others may write to, or one that holds another user's file is therefore not used.
+# What is kept in one folder is run as code: compiled kernels, generated modules. So the folder is its user's alone, and
+# every file ends with a digest of its content: machine code with one flipped bit is run, and may do anything.
 
 
 VARIABLES = ("READHESION_CACHE", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
 """Environment variables that may say where compiled code is kept; the first that is set does."""
+KEPT_DAYS = 30.0
+"""What was not used for this many days is deleted when something is kept."""
+_DIGEST = hashlib.sha256().digest_size
+
+
+def keep(name: str, content: bytes) -> None:
+    """Write `content` under `name` for this process and later ones."""
+    _delete_unused()
+    content += hashlib.sha256(content).digest()
+    write_whole(cache_folder() / name, lambda aside: aside.write_bytes(content))
+
+
+def kept(name: str) -> bytes | None:
+    """Content that is kept under `name`; None where there is none. What is damaged is set aside, with a warning."""
+    path = cache_folder() / name
+    with suppress(OSError):  # another process may set it aside, or delete it
+        found = path.read_bytes()
+        content = found[:-_DIGEST]
+        if found[-_DIGEST:] == hashlib.sha256(content).digest():
+            os.utime(path)
+            return content
+        aside = path.with_name(f"damaged-{name}")
+        os.replace(path, aside)
+        said = f"{str(path)!r} is damaged and made again; what it was is now {aside.name!r}"
+        warnings.warn(said, RuntimeWarning, stacklevel=2)
+    return None
+
+
+@lru_cache(maxsize=1)
+def _delete_unused() -> None:
+    oldest = time.time() - KEPT_DAYS * 86400.0
+    for path in cache_folder().iterdir():
+        with suppress(OSError):
+            if path.stat().st_mtime < oldest:
+                path.unlink()
+
+
+class OpenToOthers(PermissionError):
+    """Somebody else may have put code into a folder."""
 
 
 @lru_cache(maxsize=1)
@@ -97,65 +109,45 @@ def cache_folder() -> Path:
     """
     said = next((os.environ[name] for name in VARIABLES if os.environ.get(name)), None)
     base = Path(said) if said else Path.home() / ".cache"
-    for folder in (
-        base / "readhesion",
-        Path(tempfile.gettempdir()) / f"readhesion-{getattr(os, 'getuid', int)()}",
-    ):
+    user = f"readhesion-{getattr(os, 'getuid', int)()}"
+    for folder in (base / "readhesion", Path(tempfile.gettempdir()) / user):
         try:
             return private(folder / "code")
+        except OpenToOthers as error:
+            warnings.warn(f"{error}: it is not used, delete it", RuntimeWarning, stacklevel=2)
         except OSError:
-            continue  # a read-only home must not stop a study, nor may another user
+            continue  # a read-only home must not stop a study
     own = tempfile.mkdtemp(prefix="readhesion-")
     os.environ[VARIABLES[0]] = own
     register(shutil.rmtree, own, ignore_errors=True)
     return private(Path(own) / "code")
 
 
-@lru_cache(maxsize=1024)
-def cache_part(name: str) -> Path:
-    """Folder `name` in the cache folder; one that is not the user's alone is set aside with a warning."""
-    folder = cache_folder() / name
-    try:
-        return private(folder)
-    except PermissionError as error:
-        aside = folder.with_name(f"refused-{uuid.uuid4().hex}")
-        warnings.warn(f"{error}; it is now {aside.name!r}, delete it", RuntimeWarning, stacklevel=2)
-        folder.rename(aside)
-        return private(folder)
-
-
 def private(folder: Path) -> Path:
     """`folder`, created if necessary, for its user alone.
 
-    Raises `OSError` where it cannot be written, others may write to it or replace it, or it contains another user's files.
+    Raises `OSError` where it cannot be written, and `OpenToOthers` where others may write to it or replace it, or where it
+    contains a link or another user's file.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     folder.mkdir(mode=0o700, exist_ok=True)
-    around = folder.parent.stat().st_mode
-    if os.name == "posix" and around & stat.S_IWOTH and not around & stat.S_ISVTX:
-        raise PermissionError(f"everybody may replace what is in {str(folder.parent)!r}")
-    for path in (folder, *(path for path in folder.iterdir() if not path.is_dir())):
-        check_owner(path)
+    if os.name == "posix":  # Windows keeps the cache in the user's profile
+        around = folder.parent.stat().st_mode
+        if around & stat.S_IWOTH and not around & stat.S_ISVTX:
+            raise OpenToOthers(f"everybody may replace what is in {str(folder.parent)!r}")
+        for path in (folder, *folder.iterdir()):
+            with suppress(FileNotFoundError):  # another process deletes what it has written aside
+                found = path.lstat()
+                open_folder = stat.S_ISDIR(found.st_mode) and found.st_mode & 0o022
+                if stat.S_ISLNK(found.st_mode) or found.st_uid != os.getuid() or open_folder:
+                    raise OpenToOthers(f"{str(path)!r} is not this user's alone")
     with tempfile.TemporaryFile(dir=folder):
         pass
     return folder
 
 
-def check_owner(path: Path) -> None:
-    """Raise `PermissionError` if `path` is a link, another user's, or a folder that others may write to."""
-    if os.name != "posix":
-        return  # Windows keeps the cache in the user's profile
-    found = path.lstat()
-    open_folder = stat.S_ISDIR(found.st_mode) and found.st_mode & 0o022
-    if stat.S_ISLNK(found.st_mode) or found.st_uid != os.getuid() or open_folder:
-        raise PermissionError(f"{str(path)!r} is not this user's alone")
-
-
-# Which sources decide a result: found by following imports, known by a hash of their syntax.
-#
-# Rows of studies and compiled kernels carry this hash, so neither can be taken for the work of other code. Comments and
-# docstrings do not count. What is found in a file is kept beside the compiled code, by the file's content: parsing is
-# slow.
+# Which sources decide a result: found by following imports. Comments and docstrings do not count. What is found in a file
+# is kept by the file's content: parsing is slow.
 
 
 ROOT = Path(__file__).parents[1]
@@ -163,18 +155,18 @@ PACKAGES = ("alloc", "mpc", "studies")
 """Packages whose imports are followed; to them comes the package of each module that is asked for."""
 DATA = (".toml", ".csv")
 """Endings of data files; one counts where its name, or its name without the ending, stands as a string in a source."""
-LIBRARIES = ("numpy", "numba", "casadi", "osqp", "cvxpy")
+LIBRARIES = ("numpy", "numba", "llvmlite", "casadi", "osqp", "cvxpy")
 """Installed packages whose versions count."""
 PLUGIN_PREFIX = "readhesion_plugin_"
 """Beginning of the names of modules that plug-in files become."""
 
 
-class Source(NamedTuple):
+class SourceFile(NamedTuple):
     """What a file says, as far as results depend on it."""
 
     digest: str
     imports: list[str]
-    """Modules named in import statements, wherever these stand, and the packages around them."""
+    """Modules named in import statements, wherever these stand; relative ones begin with their dots."""
     later: list[str]
     """Modules imported for annotations alone, or when a part or a name is asked for: those of a `Registry` (``package.*``)
     and of a facade."""
@@ -182,20 +174,13 @@ class Source(NamedTuple):
     """Data files."""
 
 
-@lru_cache(maxsize=256)
-def code_hash(*modules: str) -> str:
-    """`syntax_hash` of `modules` together with the versions of the libraries."""
-    text = f"{library_versions()} {syntax_hash(*modules)}"
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-@lru_cache(maxsize=256)
-def syntax_hash(*modules: str, later: bool = True) -> str:
-    """Hash of all files in the `closure` of `modules`."""
-    digest = hashlib.sha256()
-    for name in sorted(closure(*modules, later=later)):
-        digest.update(f"{name.rpartition(os.sep)[2]} {_source(name).digest}\n".encode())
-    return digest.hexdigest()
+@lru_cache(maxsize=1024)
+def code_hash(*modules: str, later: bool = True) -> str:
+    """Hash of the versions of the libraries and of all files in the `closure` of `modules`."""
+    files = [
+        (one.rpartition(os.sep)[2], _source(one).digest) for one in closure(*modules, later=later)
+    ]
+    return hashlib.sha256(f"{library_versions()} {sorted(files)}".encode()).hexdigest()[:16]
 
 
 @lru_cache(maxsize=1)
@@ -215,27 +200,23 @@ def closure(*modules: str, later: bool = True) -> frozenset[str]:
     waiting = list(modules)
     while waiting:
         name = waiting.pop()
-        if name in found or not _counts(name, packages):
+        counts = os.sep in name or name.partition(".")[0] in packages
+        counts |= name.startswith(PLUGIN_PREFIX)
+        path = path_of(name) if counts and name not in found else None
+        if path is None:
             continue
         found.add(name)
         source = _source(name)
-        waiting += [_absolute(one, name) for one in source.imports] + source.named
-        if later:
-            waiting += [one for each in source.later for one in _modules_of(_absolute(each, name))]
+        package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+        for one in source.imports + (source.later if later else []):
+            one = resolve_name(one, package) if one.startswith(".") else one
+            within, several, _ = one.partition(".*")
+            folder = ROOT.joinpath(*within.split("."))
+            waiting += (
+                [f"{within}.{file.stem}" for file in folder.glob("*.py")] if several else [one]
+            )
+        waiting += [*source.named, *([] if os.sep in name else [name.rpartition(".")[0]])]
     return frozenset(found)
-
-
-def _absolute(module: str, importer: str) -> str:
-    path = path_of(importer)
-    if not module.startswith(".") or path is None:
-        return module
-    package = importer if path.name == "__init__.py" else importer.rpartition(".")[0]
-    return resolve_name(module, package)
-
-
-def _counts(name: str, packages: set[str]) -> bool:
-    of_project = os.sep in name or name.partition(".")[0] in packages
-    return (of_project or name.startswith(PLUGIN_PREFIX)) and path_of(name) is not None
 
 
 @lru_cache(maxsize=4096)
@@ -243,42 +224,30 @@ def path_of(module: str) -> Path | None:
     """File of a module; None if it has none that can be read as text."""
     if os.sep in module:
         return Path(module)
-    top, _, rest = module.partition(".")
+    top, *rest = module.split(".")
     if top in PACKAGES:
-        base = ROOT / top
+        path = ROOT / top / "__init__.py"
     else:
-        loaded = sys.modules.get(top)
-        specification = None if loaded else find_spec(top)
-        file = getattr(loaded, "__file__", None) or getattr(specification, "origin", None)
-        if file is None or Path(file).suffix not in (".py", ".toml"):
-            return None
-        if Path(file).name != "__init__.py":  # a plug-in, or a module of one file
-            return None if rest else Path(file)
-        base = Path(file).parent
-    base = base.joinpath(*rest.split(".")) if rest else base
-    files = (base.with_suffix(".py"), base / "__init__.py")
-    return next((path for path in files if path.exists()), None)
-
-
-def _modules_of(name: str) -> list[str]:
-    package, several, _ = name.partition(".*")
-    if not several:
-        return [name]
-    folder = ROOT.joinpath(*package.split("."))
-    return [f"{package}.{path.stem}" for path in folder.glob("*.py")]
+        found: Any = sys.modules.get(top) or find_spec(top)
+        path = Path(getattr(found, "__file__", None) or getattr(found, "origin", None) or "")
+    files = [path]
+    if rest:  # of a plug-in, or a module of one file, it is a name
+        base = path.parent.joinpath(*rest)
+        files = [base.with_suffix(".py"), base / "__init__.py"] * (path.name == "__init__.py")
+    return next((one for one in files if one.suffix in (".py", ".toml") and one.exists()), None)
 
 
 @lru_cache(maxsize=4096)
-def _source(name: str) -> Source:
+def _source(name: str) -> SourceFile:
     path = path_of(name)
     assert path is not None
     content = path.read_bytes()
-    key = hashlib.sha256(_reader() + path.suffix.encode() + content).hexdigest()
-    known = _Memo.entries()
-    if key not in known:
-        known[key] = _read(content, path.suffix)
-        _Memo.changed = True
-    return Source(*known[key])
+    name = f"source-{hashlib.sha256(_reader() + path.suffix.encode() + content).hexdigest()[:32]}"
+    found = kept(name)
+    if found is None:
+        found = json.dumps(_read(content, path.suffix)).encode()
+        keep(name, found)
+    return SourceFile(*json.loads(found))
 
 
 @lru_cache(maxsize=1)
@@ -288,123 +257,65 @@ def _reader() -> bytes:
     return f"{sys.version} {files}".encode() + Path(__file__).read_bytes()
 
 
-class _Memo:
-    """What was found in files, by their content: of this process, and of those before it."""
-
-    found: dict[str, Source] | None = None
-    changed = False
-    SIZE = 4096
-
-    @classmethod
-    def path(cls) -> Path:
-        return cache_folder() / "sources"
-
-    @classmethod
-    def entries(cls) -> dict[str, Source]:
-        if cls.found is None:
-            try:
-                set_aside_damaged(cls.path())
-                stored = json.loads(cls.path().read_bytes()[:-SEAL])
-                cls.found = {key: Source(*entry) for key, entry in stored.items()}
-            except (OSError, ValueError, TypeError, AttributeError):
-                cls.found = {}  # it is only slower then
-        return cls.found
-
-    @classmethod
-    def keep(cls) -> None:
-        if cls.changed and cls.found is not None:
-            newest = dict(list(cls.found.items())[-cls.SIZE :])
-            content = sealed(json.dumps(newest).encode())
-            write_whole(cls.path(), lambda path: path.write_bytes(content))
-
-
-register(_Memo.keep)
-
-
 @lru_cache(maxsize=1)
 def _data_files() -> dict[str, str]:
     """File by name and by name without ending."""
-    found: dict[str, str] = {}
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*")):
-            if path.suffix in DATA:
-                found |= {path.name: str(path), path.stem: str(path)}
-    return found
+    paths = [path for one in PACKAGES for path in sorted((ROOT / one).rglob("*"))]
+    data = [path for path in paths if path.suffix in DATA]
+    return {name: str(path) for path in data for name in (path.name, path.stem)}
 
 
-def _read(content: bytes, suffix: str) -> Source:
-    if suffix == ".py":
-        return _read_python(ast.parse(content))
-    words: list[str] = []
-    if suffix == ".toml":
-        with suppress(ValueError):  # a broken one counts as it stands
-            content = repr(tomllib.loads(content.decode("utf-8-sig"))).encode()
-        words = re.findall(r"'([\w.-]+)'", content.decode(errors="replace"))
-    return Source(hashlib.sha256(content).hexdigest(), [], [], _named(words))
+class _Bare(ast.NodeTransformer):
+    """Takes away strings that stand alone, which are docstrings."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
+        return None if isinstance(node.value, ast.Constant) else node
 
 
-def _named(words: Iterable[str]) -> list[str]:
-    files = _data_files()
-    return sorted({files[word] for word in words if word in files})
-
-
-def _read_python(tree: ast.Module) -> Source:
-    nodes = list(ast.walk(tree))
-    lazy = [node for node in nodes if isinstance(node, ast.If) and _for_types(node)]
-    unneeded = {id(inner) for node in lazy for inner in ast.walk(node)}
-    stated = _only_annotating(nodes)
+def _read(content: bytes, suffix: str) -> SourceFile:
+    text, files = content.decode("utf-8-sig", errors="replace"), _data_files()
     imports: list[str] = []
     later: list[str] = []
-    strings: list[str] = []
+    if suffix == ".py":
+        tree = _Bare().visit(ast.parse(content))
+        imports, later = _imports(list(ast.walk(tree)))
+        text = ast.dump(tree)
+    elif suffix == ".toml":
+        with suppress(ValueError):  # a broken one counts as it stands
+            text = repr(tomllib.loads(text))
+    words = re.findall(r"value='([\w.-]+)'" if suffix == ".py" else r"'([\w.-]+)'", text)
+    named = sorted({files[word] for word in words if word in files})
+    return SourceFile(hashlib.sha256(text.encode()).hexdigest(), imports, later, named)
+
+
+def _imports(nodes: list[ast.AST]) -> tuple[list[str], list[str]]:
+    """`Source.imports` and `Source.later` of a file."""
+    # what stands below TYPE_CHECKING: facades (`names_of`) import it when it is asked for
+    branches = [
+        one for one in nodes if isinstance(one, ast.If) and _word(one.test) == "TYPE_CHECKING"
+    ]
+    unneeded = {id(inner) for branch in branches for inner in ast.walk(branch)}
+    # names that stand in annotations alone: no number depends on them; one that nobody uses is there for others
+    stated = [getattr(node, part, None) for node in nodes for part in ("annotation", "returns")]
+    inner = {id(node): _word(node) for one in stated if one for node in ast.walk(one)}
+    of_types = set(inner.values()) - {_word(node) for node in nodes if id(node) not in inner}
+    now: list[str] = []
+    later: list[str] = []
     for node in nodes:
         if isinstance(node, ast.Import | ast.ImportFrom):
+            module = "." * getattr(node, "level", 0) + (getattr(node, "module", "") or "")
             for one in node.names:
-                of_types = id(node) in unneeded or (one.asname or one.name) in stated
-                (later if of_types else imports).extend(_imported(node, one.name))
-        body = getattr(node, "body", None)
-        if isinstance(body, list):  # strings that stand alone are docstrings
-            node.body = [item for item in body if not _stands_alone(item)]  # type: ignore[attr-defined]
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            strings.append(node.value)
-        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Registry":
-            values = [*node.args, *(keyword.value for keyword in node.keywords)]
-            words = [str(value.value) for value in values if isinstance(value, ast.Constant)]
+                dot = "." if module.strip(".") else ""
+                for_types = id(node) in unneeded or (one.asname or one.name) in of_types
+                (later if for_types else now).extend(
+                    (module or one.name, f"{module}{dot}{one.name}")
+                )
+        elif isinstance(node, ast.Call) and _word(node.func) == "Registry":
+            words = [_word(one) for one in (*node.args, *(key.value for key in node.keywords))]
             later += [f"{word}.*" for word in words if word.partition(".")[0] in PACKAGES]
-    digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
-    return Source(digest, list(dict.fromkeys(imports)), list(dict.fromkeys(later)), _named(strings))
+    return list(dict.fromkeys(now)), list(dict.fromkeys(later))
 
 
-def _only_annotating(nodes: list[ast.AST]) -> set[str]:
-    """Names that stand in annotations alone: no number depends on them. One that nobody uses is there for others."""
-    stated = [getattr(node, part, None) for node in nodes for part in ("annotation", "returns")]
-    inner = [node for one in stated if one is not None for node in ast.walk(one)]
-    within = {id(node) for node in inner}
-    used = {_name(node) for node in nodes if id(node) not in within}
-    return {_name(node) for node in inner} - used
-
-
-def _name(node: ast.AST) -> str:
+def _word(node: ast.AST) -> str:
     """A name, or a string, which may be one: in `__all__`, or in an annotation that looks ahead."""
     return str(getattr(node, "id", "") or getattr(node, "value", ""))
-
-
-def _for_types(node: ast.If) -> bool:
-    """Whether a branch is for type checkers; facades (`names_of`) import what stands there when it is asked for."""
-    return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-
-
-def _stands_alone(node: ast.stmt) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-
-
-def _imported(node: ast.Import | ast.ImportFrom, name: str) -> list[str]:
-    """Modules that the import of `name` loads, and the packages around them; relative ones begin with their dots."""
-    names = [name]
-    if isinstance(node, ast.ImportFrom):
-        module = "." * node.level + (node.module or "")
-        dot = "" if module.endswith(".") else "."
-        names = [module, f"{module}{dot}{name}"]
-        if node.level:
-            return names
-    parts = [one.split(".") for one in names]
-    return [".".join(part[:k]) for part in parts for k in range(1, len(part) + 1)]

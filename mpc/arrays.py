@@ -8,15 +8,14 @@ from functools import partial
 from typing import Any
 
 from llvmlite import ir
-from numba import float64, int64, types, void
+from numba import float64, types, void
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from alloc.compilation import FASTMATH, compiled
-from alloc.records import function_at
+from alloc.records import stored_at
 
 VECTOR, MATRIX = float64[::1], float64[:, ::1]
-INDEX = int64[::1]
 PREPARE = types.FunctionType(void(VECTOR, VECTOR))
 """What follows from a model's parameters alone: (parameters, constants)."""
 SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
@@ -51,8 +50,8 @@ def inlined(function: Any) -> Any:
     )
 
 
-prepare_at, slope_at, rate_at = function_at(PREPARE), function_at(SLOPE), function_at(RATE)
-tangent_at = function_at(TANGENT)
+prepare_at, slope_at, rate_at = stored_at(PREPARE), stored_at(SLOPE), stored_at(RATE)
+tangent_at = stored_at(TANGENT)
 
 
 @intrinsic(prefer_literal=True)

@@ -20,7 +20,7 @@ from alloc.records import ByReference
 from mpc.arrays import VECTOR, inlined, sweep
 from mpc.condensing import STEEPEST_SLOPE
 from mpc.estimator import (
-    Axles,
+    AxleEstimates,
     Curve,
     axles_of,
     constants_of,
@@ -42,7 +42,7 @@ from mpc.settings import MpcSettings
 from mpc.slip_search import (
     LIMITING,
     USUAL_SHARE,
-    Search,
+    UnitSearch,
     search_of,
     search_slip,
     slip_limit,
@@ -62,7 +62,7 @@ LEAST_AIR = 0.01
 """Coefficient above which it is believed."""
 
 
-class AirBrake(NamedTuple):
+class AirBrakeEstimate(NamedTuple):
     """Estimate of the air brake of one unit."""
 
     share: float
@@ -73,9 +73,9 @@ class AirBrake(NamedTuple):
     """Coefficient of the air brake, in the direction of the demand, (1,)."""
 
 
-def air_brake_of(period: float) -> AirBrake:
+def air_brake_of(period: float) -> AirBrakeEstimate:
     """A brake that is released."""
-    return AirBrake(-math.expm1(-period / AIR_TIME), np.zeros(1), np.zeros(1))
+    return AirBrakeEstimate(-math.expm1(-period / AIR_TIME), np.zeros(1), np.zeros(1))
 
 
 @inlined
@@ -158,7 +158,7 @@ def mean_curve(curves: Sequence[tuple[float, float]]) -> Floats:
     return np.asarray(np.exp(np.mean(np.log(curves), axis=0)))
 
 
-class Given(NamedTuple):
+class GivenCurve(NamedTuple):
     """The adhesion curve that the unit was given; it is used only where no slip is sought."""
 
     kind: int
@@ -167,28 +167,28 @@ class Given(NamedTuple):
     """Slip held, over that of its peak."""
 
 
-class Belief(NamedTuple):
+class BeliefRecord(NamedTuple):
     """Everything that a unit believes about its rail, as compiled code takes it."""
 
     gear: float
     constants: Any
     """See `mpc.estimator.constants_of`."""
-    axles: Axles
+    axles: AxleEstimates
     load: Floats
     """Load of each axle [N], (axles,)."""
     fresh: NDArray[np.bool_]
     """Whether the observers start again at the next update, (1,)."""
-    air: AirBrake
+    air: AirBrakeEstimate
     drag: Drag
-    search: Search
+    search: UnitSearch
     curve: Curve
-    given: Given
+    given: GivenCurve
 
 
-def belief_of(context: UnitContext, settings: MpcSettings) -> Belief:
+def belief_of(context: UnitContext, settings: MpcSettings) -> BeliefRecord:
     """Belief of a unit at the start of a run."""
     curve = context.curve
-    return Belief(
+    return BeliefRecord(
         float(context.gear_ratio),
         constants_of(context, settings.belief),
         axles_of(context, settings.belief),
@@ -198,12 +198,12 @@ def belief_of(context: UnitContext, settings: MpcSettings) -> Belief:
         drag_of(context),
         search_of(context, settings.search, settings.belief.pole),
         curve_of(settings.belief, context.period, settings.search.first / USUAL_SHARE),
-        Given(curve.kind, np.array(curve.q, dtype=float), float(settings.search.given_share)),
+        GivenCurve(curve.kind, np.array(curve.q, dtype=float), float(settings.search.given_share)),
     )
 
 
 def _kind() -> Any:
-    """Numba's type of a `Belief`."""
+    """Numba's type of a `BeliefRecord`."""
     context = UnitContext(0, 1, 0.4, 100.0, 5.0, 1e5, 4e4, 0.01, PiecewiseCurve(), 0.01)
     return ByReference(belief_of(context, MpcSettings())).kind
 

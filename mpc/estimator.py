@@ -44,7 +44,7 @@ ROUGHEST = 4.0
 """A reading counts as no noisier than this multiple of the known noise, because slip itself also jumps."""
 
 
-class Axles(NamedTuple):
+class AxleEstimates(NamedTuple):
     """Stored values of each axle, (axles,) each."""
 
     filtered: Floats
@@ -103,9 +103,9 @@ def constants_of(context: UnitContext, belief: PeakBelief) -> Any:
     )
 
 
-def axles_of(context: UnitContext, belief: PeakBelief) -> Axles:
+def axles_of(context: UnitContext, belief: PeakBelief) -> AxleEstimates:
     """Axles before any reading."""
-    axles = Axles(*(np.zeros(context.axles) for _ in Axles._fields))
+    axles = AxleEstimates(*(np.zeros(context.axles) for _ in AxleEstimates._fields))
     axles.noise[:] = FIRST_NOISE
     axles.peak[:] = belief.initial
     axles.variance[:] = (DOUBT * belief.initial) ** 2

@@ -21,7 +21,7 @@ import numpy as np
 
 from alloc.onboard.host import ANSWER, READING, UnitContext
 from alloc.records import ByReference
-from alloc.sources import library_versions, syntax_hash
+from alloc.sources import code_hash, library_versions
 from mpc.belief import with_predicted_curve
 from mpc.generated import compiled_model
 from mpc.model import unit_model
@@ -176,7 +176,7 @@ def _memory(record: ByReference, functions: dict[int, str]) -> str:
         start = (start + content).ljust(end, b"\0") if any(content) else start
     words = [
         f"i64 ptrtoint (ptr {symbols[word]} to i64)" if word in symbols else f"i64 {word}"
-        for word in record._block.view(np.int64).tolist()
+        for word in record.data.view(np.int64).tolist()
     ]
     filled, text = len(start), "".join(f"\\{byte:02x}" for byte in start)
     lines = [
@@ -306,7 +306,7 @@ def _made_from(context: UnitContext, settings: MpcSettings, name: str, target: s
         "unit": {"name": name, **unit},
         "settings": asdict(settings),
         "target": target,
-        "sources": syntax_hash(__name__, later=False)[:16],
+        "sources": code_hash(__name__, later=False),
         "versions": {**library_versions(), "llvm": "{}.{}.{}".format(*llvm.llvm_version_info)},
     }
     return json.dumps(made, indent=2) + "\n"

@@ -5,12 +5,10 @@ lies beside Numba's cache.
 """
 
 import hashlib
-import importlib.util
 import marshal
 import sys
 from collections.abc import Callable
 from itertools import groupby
-from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -19,63 +17,32 @@ import numpy as np
 
 from alloc.onboard.host import UnitContext
 from alloc.plant.model import Floats, Ints
-from alloc.sources import cache_part, sealed, set_aside_damaged, write_whole
+from alloc.sources import cache_folder, keep, kept, write_whole
 from mpc.condensing import Nonzeros
 from mpc.model import UnitModel, Units, cars_of, folded, group_of, unit_model, unloading
 
-# Where generated code lies: beside Numba's cache, safe against several processes at once.
-#
-# A file's name carries a hash of all that decides its content, so a file that is undamaged is right. Files are written
-# aside and renamed: nobody reads half of one.
-
-
 _loaded: dict[str, ModuleType] = {}
-
-
-def folder() -> Path:
-    """Folder of the generated code; made if need be."""
-    return cache_part("generated")
-
-
-def create(path: Path, write: Callable[[Path], object]) -> None:
-    """Make `path` by `write(file to fill)` and seal it, unless it is there undamaged.
-
-    A `write` that raises leaves nothing behind.
-    """
-
-    def write_sealed(aside: Path) -> None:
-        write(aside)
-        aside.write_bytes(sealed(aside.read_bytes()))
-
-    set_aside_damaged(path)
-    if not path.exists():
-        write_whole(path, write_sealed)
 
 
 def load_module(name: str, text: str) -> ModuleType:
     """Run Python source `text` as the module `name`, from a file so that Numba's cache knows it; once per process."""
     if name not in _loaded:
-        path, content = folder() / f"{name}.py", text.encode()
-        set_aside_damaged(path, content)
-        if not path.exists():
+        path, content = cache_folder() / f"{name}.py", text.encode()
+        if not path.exists() or path.read_bytes() != content:
             write_whole(path, lambda aside: aside.write_bytes(content))
-        # Python checks nothing of what it keeps in `__pycache__`, and to compile a model takes 30 ms.
-        code = path.with_suffix(f".{sys.implementation.cache_tag}")
-        create(
-            code,
-            lambda aside: aside.write_bytes(marshal.dumps(compile(content, str(path), "exec"))),
-        )
-        specification = importlib.util.spec_from_file_location(name, path)
-        assert specification is not None
-        module = importlib.util.module_from_spec(specification)
+        bytecode = f"{name}.{sys.implementation.cache_tag}"  # to compile a model takes 30 ms
+        code = kept(bytecode)
+        if code is None:
+            code = marshal.dumps(compile(content, str(path), "exec"))
+            keep(bytecode, code)
+        module = ModuleType(name)
+        module.__file__ = str(path)
         sys.modules[name] = module  # Numba looks it up by name when it loads from its cache
-        exec(marshal.loads(code.read_bytes()), vars(module))
+        exec(marshal.loads(code), vars(module))
         _loaded[name] = module
     return _loaded[name]
 
 
-# From CasADi expressions to Numba functions: CasADi differentiates, Numba executes, no C compiler needed.
-#
 # CasADi's own virtual machine takes several nanoseconds per operation and a call from Python near a microsecond; the
 # shooting sweep calls the model hundreds of times per control period. The expression's instructions are therefore
 # written out as Python source beside Numba's cache, once per model, and compiled there.

@@ -129,9 +129,6 @@ def even_split(
     return split * scale
 
 
-# The readhesion MPC of several units as one problem: of the units of a car, or of all units of a train without delay.
-
-
 class GroupController(PredictiveController):
     """Readhesion MPC of a group of units; a `TrainController` of these units alone.
 

@@ -235,7 +235,7 @@ whole one; whether slip is `beyond` its limit, how often it ran `away` of late, 
 sought though the peak believed was used up [s]."""
 
 
-class Search(NamedTuple):
+class UnitSearch(NamedTuple):
     """The search of one unit."""
 
     pace: Any
@@ -249,7 +249,7 @@ class Search(NamedTuple):
     """Parts of Z_s and of Z_mu of each axle, (axles, 4)."""
 
 
-def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search:
+def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> UnitSearch:
     """The search of a unit at the start of a run."""
     dt = context.period
 
@@ -279,7 +279,7 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
     one.phase = GOLDEN * context.unit % (2.0 * math.pi)
     one.noise = (FIRST_ERROR * 0.5 * settings.memory * settings.swing) ** 2
     n = context.axles
-    return Search(pace, state, np.full(n, np.nan), np.zeros(n), np.zeros((n, 4)))
+    return UnitSearch(pace, state, np.full(n, np.nan), np.zeros(n), np.zeros((n, 4)))
 
 
 @inlined

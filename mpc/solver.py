@@ -152,8 +152,6 @@ def empty_period() -> Period:
 PERIOD = ByReference(empty_period()).kind
 
 
-# One control period of the real-time iteration as one compiled call, without allocation.
-#
 # Sequential quadratic programming: linearise the trajectory, condense its cost to a quadratic model in the torques, and
 # solve that within the bounds. Then take the step, halved as long as the cost would rise.
 

@@ -246,8 +246,6 @@ class JointProblem:
         return np.minimum(np.where(bound, push, asked), limit), solution
 
 
-# Allocation and readhesion in one problem over the train, on the content of the telegrams.
-#
 # With the periodic telegrams each unit reports to the leader, the foremost unit that works. In the control period
 # before each telegram the leader solves the joint problem on the reports that have arrived. The next telegrams bring
 # every unit the torque that is wanted of it. The units' own controllers, one per car, follow the order that has arrived

@@ -15,9 +15,9 @@ from alloc.compilation import equation
 from alloc.onboard.host import STEP, CompiledController, TorqueDecision, UnitContext, UnitSense
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import Floats, Ints
-from alloc.records import ByReference, address_of, record_at
+from alloc.records import ByReference, address_of, stored_at
 from mpc.arrays import inlined, sweep
-from mpc.belief import Belief, UnitBelief, belief_of, believe, with_predicted_curve
+from mpc.belief import BeliefRecord, UnitBelief, belief_of, believe, with_predicted_curve
 from mpc.estimator import predicted_curve
 from mpc.model import Units, air_place, curve_place, parameters, torque_per_coefficient
 from mpc.period import (
@@ -83,12 +83,12 @@ class UnitProblem(NamedTuple):
     """Place of other brakes' torque among the parameters of the model, see `mpc.model.air_place`."""
     curve: int
     """That of the curve, see `mpc.model.curve_place`."""
-    belief: Belief
+    belief: BeliefRecord
     solver: Period
 
 
 def unit_problem(
-    context: UnitContext, settings: MpcSettings, belief: Belief, solver: Period
+    context: UnitContext, settings: MpcSettings, belief: BeliefRecord, solver: Period
 ) -> UnitProblem:
     """The unit's problem at the start of a run; `solver`: where the problem is written to."""
     solver.now.parameters[:] = parameters(context, belief.axles.peak)
@@ -141,9 +141,6 @@ def pose(u, target, limit):
         w.slip_scale,
     )
     terms.unit.target[0] = min(target, most * u.per_coefficient)
-
-
-# The readhesion MPC of one traction unit in Python, its solver exchangeable: the reference of `mpc.unit`.
 
 
 Iteration = Callable[[Units, MpcSettings], RealTimeIteration]
@@ -283,7 +280,7 @@ def _kind() -> Any:
     return ByReference(_at_start(times, empty_problem())).kind
 
 
-state_at = record_at(_kind())
+state_at = stored_at(_kind())
 
 
 @inlined

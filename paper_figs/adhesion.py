@@ -1,29 +1,30 @@
-"""Adhesion curves and planned coefficients: JP5484215 Figs. 10 and 17, readhesion paper Figs. 1 and 6."""
+"""Adhesion curves: parts and peak (JP5484215 Fig. 17, readhesion paper Fig. 1), and Polach's law here and in Open Rails."""
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
+from numpy.typing import NDArray
 
 from alloc.plant.adhesion import (
+    CYLINDER,
+    HALF_WIDTH,
     POLACH_DRY,
     POLACH_WET,
+    SHEAR_MODULUS,
+    YOUNGS_MODULUS,
     AdhesionCurve,
     PiecewiseCurve,
+    PolachByFrictionCurve,
     SlipRatioCurve,
+    longitudinal_coefficient,
 )
-from alloc.plant.laws import hyperbolic_speed_law
-from alloc.plant.rail import SPEED_LAWS
-from paper_figs.palette import BLACK, BLUE, GREEN, ORANGE, VERMILION
-from paper_figs.registry import figure
-from paper_figs.style import PAGE, new_panels
-from studies.readhesion_paper.paper import CALIBRATED, CASE_A, Unprinted
+from paper_figs.drawing import figure
+from paper_figs.style import BLACK, BLUE, GREEN, GREY, ORANGE, PAGE, VERMILION, new_panels
 
 PEAK = 0.18
 """Adhesion coefficient of the readhesion paper's scenario before the drop (its Table 2)."""
-PLAN = 0.17
-"""Planned coefficient of Table 2."""
-SPEED = 30.0 / 3.6
+CAR_SPEED = 30.0 / 3.6
 """Car speed [m/s] at which the creepage-based curves are drawn."""
 CURVES: dict[str, tuple[AdhesionCurve, str, str]] = {
     "piecewise (readhesion paper)": (PiecewiseCurve(), BLUE, "-"),
@@ -31,11 +32,6 @@ CURVES: dict[str, tuple[AdhesionCurve, str, str]] = {
     "Polach, dry": (POLACH_DRY, VERMILION, "-."),
     "slip ratio (flat beyond peak)": (SlipRatioCurve(), GREEN, ":"),
 }
-PLANNED: dict[str, tuple[str, float, str, str]] = {
-    "shinkansen": ("Shinkansen, wet: JP5484215 (12)", 270.0, BLUE, "-"),
-    "curtius-kniffler": ("conventional: Curtius and Kniffler, dry", 160.0, VERMILION, "--"),
-}
-"""Law: label, highest speed [km/h] to which it is drawn, colour, dashes."""
 SLIP, FORCE = "slip velocity [m/s]", "tangential force coefficient [–]"
 
 
@@ -45,7 +41,19 @@ def adhesion_curve(peak: float = PEAK) -> Figure:
     """Left: parts and regions of the piecewise curve for a `peak`. Right: the plant's curves at equal peak."""
     drawn, (left, right) = new_panels(PAGE, 3.1, 1, 2)
     _parts(left, PiecewiseCurve(), peak)
-    _curves(right, peak)
+    slip = np.concatenate([np.linspace(0.0, 0.2, 400), np.linspace(0.2, 4.0, 800)])
+    for name, (curve, colour, dashes) in CURVES.items():
+        # Polach's parameter is the friction coefficient; scaled so that the maxima agree
+        own = peak * (peak / float(curve.limit(peak, CAR_SPEED)[0]))
+        for _ in range(20):
+            own *= peak / float(curve.limit(own, CAR_SPEED)[0])
+        mu = curve.coefficient(slip, own, CAR_SPEED)
+        right.plot(slip, mu, color=colour, linestyle=dashes, label=name)
+        limit, top = curve.limit(own, CAR_SPEED)
+        right.plot([float(top)], [float(limit)], "o", color=colour, markersize=4)
+    title = f"(b) the plant's curves at {3.6 * CAR_SPEED:.0f} km/h, equal peaks"
+    right.set(xlim=(0.0, 4.0), title=title)
+    right.legend(loc="lower right")
     for axes in (left, right):
         axes.set(ylim=(0.0, 1.25 * peak), xlabel=SLIP, ylabel=FORCE)
     return drawn
@@ -83,66 +91,69 @@ def _parts(axes: Axes, curve: PiecewiseCurve, peak: float) -> None:
     axes.legend(loc="center right", bbox_to_anchor=(1.0, 0.45))
 
 
-def _curves(axes: Axes, peak: float) -> None:
-    slip = np.concatenate([np.linspace(0.0, 0.2, 400), np.linspace(0.2, 4.0, 800)])
-    for name, (curve, colour, dashes) in CURVES.items():
-        # Polach's parameter is the friction coefficient; scaled so that the maxima agree
-        own = peak * (peak / float(curve.limit(peak, SPEED)[0]))
-        for _ in range(20):
-            own *= peak / float(curve.limit(own, SPEED)[0])
-        mu = curve.coefficient(slip, own, SPEED)
-        axes.plot(slip, mu, color=colour, linestyle=dashes, label=name)
-        limit, top = curve.limit(own, SPEED)
-        axes.plot([float(top)], [float(limit)], "o", color=colour, markersize=4)
-    title = f"(b) the plant's curves at {3.6 * SPEED:.0f} km/h, equal peaks"
-    axes.set(xlim=(0.0, 4.0), title=title)
-    axes.legend(loc="lower right")
+FRICTION, SPEED, LOAD, RADIUS = 0.30, 20.0, 1e5, 0.5
+"""Friction coefficient at rest, speed [m/s], wheel load [N] and radius [m] of the comparison."""
+CONSTANT = 186.0
+"""Creep stiffness of the curve without load and radius."""
 
 
-@figure("adhesion-drop",
-        "adhesion curve before and after the rail's change (readhesion paper Fig. 6)")  # fmt: skip
-def adhesion_drop(unprinted: Unprinted = CALIBRATED, low: float = CASE_A.limit) -> Figure:
-    """Both curves with their peaks. Left: the peaks. Right: all slips that case B reaches."""
-    curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
-    drawn, panels = new_panels(PAGE, 2.9, 1, 2, sharey=True)
-    for axes, end in zip(panels, (0.2, 4.0), strict=True):
-        slip = np.linspace(0.0, end, 1500)
-        for peak, dashes, colour in ((PEAK, "-", BLUE), (low, "--", VERMILION)):
-            label = rf"$\mu_\mathrm{{max}}$ = {peak:g}"
-            axes.plot(slip, curve.coefficient(slip, peak), dashes, color=colour, label=label)
-            axes.plot([float(curve.limit(peak)[1])], [peak], "o", color=colour, markersize=4)
-        axes.axhline(PLAN, color=BLACK, linestyle=":", linewidth=0.9, label="plan")
-        axes.xaxis.set_major_locator(MultipleLocator(end / 4.0))
-        axes.set(xlim=(0.0, end), ylim=(0.0, 0.2), xlabel=SLIP)
-    panels[0].set(ylabel=FORCE, title="(a) around the peaks")
-    panels[1].set_title(
-        rf"(b) towards $\mu_\infty$ = {unprinted.residual_ratio:.3g} $\mu_\mathrm{{max}}$"
-    )
-    panels[1].legend(loc="lower right")
-    return drawn
+def open_rails_stiffness(load: NDArray[np.float64]) -> NDArray[np.float64]:
+    """G pi a b C11 / (4 Q) by Open Rails: C11 follows a / b of the load, while b stays."""
+    a = CYLINDER * np.sqrt(load * RADIUS / (2.0 * HALF_WIDTH * YOUNGS_MODULUS))
+    ratio = a / HALF_WIDTH
+    c11 = np.array([longitudinal_coefficient(float(one)) for one in ratio])
+    return SHEAR_MODULUS * np.pi * a * HALF_WIDTH * c11 / (4.0 * load)
 
 
-@figure("planned-curves", "planned coefficients over speed (JP5484215 Fig. 10)")
-def planned_curves() -> Figure:
-    """Left: the curves. Right: ratio by which increments of the Shinkansen are corrected for conventional lines."""
-    drawn, (left, right) = new_panels(PAGE, 2.9, 1, 2, gridspec_kw={"wspace": 0.08})
-    for name, (label, end, colour, dashes) in PLANNED.items():
-        speed = np.linspace(0.0, end, 300)
-        left.plot(speed, planned(name, speed), color=colour, linestyle=dashes, label=label)
-    left.set(xlim=(0.0, 270.0), ylabel="planned coefficient [–]", title="(a) planned curves")
-    left.legend(loc="upper right")
-    speed = np.linspace(0.0, PLANNED["curtius-kniffler"][1], 300)
-    ratio = planned("curtius-kniffler", speed) / planned("shinkansen", speed)
-    right.plot(speed, ratio, color="black")
-    right.set(
-        xlim=(0.0, speed[-1]), ylabel="conventional over Shinkansen [–]",
-        title="(b) factor on the increments",
+def open_rails_coefficient(slip: NDArray[np.float64], coded: bool) -> NDArray[np.float64]:
+    """Tangential coefficient over the slip velocity, right or as `coded`: a b in mm2, and kA not squared."""
+    curve = PolachByFrictionCurve()
+    fall = curve.ratio_at_infinity + (1.0 - curve.ratio_at_infinity) * np.exp(-0.2 * slip)
+    stiffness = float(open_rails_stiffness(np.array([LOAD]))[0]) * (1e6 if coded else 1.0)
+    a = CYLINDER * np.sqrt(LOAD * RADIUS / (2.0 * HALF_WIDTH * YOUNGS_MODULUS))
+    creepage = slip / SPEED
+    with_spin = np.hypot(creepage, a * np.sin(np.deg2rad(3.0)) / RADIUS)
+    gradient = stiffness * with_spin / (FRICTION * fall)
+    below = 1.0 + (0.3 if coded else 0.3**2) * gradient**2
+    total = 0.3 * gradient / below + np.arctan(0.1 * gradient)
+    return np.asarray(2.0 / np.pi * FRICTION * fall * total * creepage / with_spin)
+
+
+@figure("open-rails", "Polach's law in Open Rails, as coded and corrected, and in this plant")
+def open_rails() -> Figure:
+    """Left: coefficients over the slip velocity on wet rail, with their peaks.
+
+    Right: creep stiffness over the wheel load.
+    """
+    drawn, (left, right) = new_panels(PAGE, 3.0, 1, 2)
+    slip = np.geomspace(1e-3, SPEED, 1000)
+    curve = PolachByFrictionCurve()
+    plant = -curve.coefficient(-slip, FRICTION, SPEED, curve.contact(LOAD, RADIUS))
+    for label, values, colour, dashes, size in (
+        ("Open Rails as coded", open_rails_coefficient(slip, True), VERMILION, "-", 4),
+        ("Open Rails corrected", open_rails_coefficient(slip, False), BLACK, "-", 7),
+        ("this plant", plant, BLUE, "--", 4),
+    ):
+        left.semilogx(slip, values, color=colour, linestyle=dashes, label=label)
+        top = int(values.argmax())
+        left.plot(slip[top], values[top], "o", color=colour, markersize=size, gid=f"{label}, peak")
+    left.set(
+        xlim=(slip[0], slip[-1]), ylim=(0.0, 0.32), xlabel=SLIP, ylabel=FORCE,
+        title="(a) wet rail, 72 km/h, 100 kN per wheel",
     )  # fmt: skip
-    for axes in (left, right):
-        axes.set(ylim=(0.0, None), xlabel="speed [km/h]")
+    left.legend(loc="lower right")
+    load = np.geomspace(10e3, 150e3, 200)
+    kept = [curve.on(float(one), RADIUS).q[4] for one in load]
+    right.loglog(load / 1e3, open_rails_stiffness(load), color=BLACK, label="Open Rails corrected")
+    right.loglog(load / 1e3, kept, "--", color=BLUE, label="this plant")
+    right.axhline(CONSTANT, color=GREY, linestyle=":", label="one constant")
+    ticks = [10, 20, 50, 100, 150]
+    right.set_xticks(ticks, [f"{tick}" for tick in ticks], minor=False)
+    right.set_yticks([100, 200, 300, 400], ["100", "200", "300", "400"])
+    right.minorticks_off()
+    right.set(
+        xlim=(10.0, 150.0), ylim=(90.0, 450.0), xlabel="wheel load [kN]",
+        ylabel="creep stiffness [–]", title="(b) wheel of 0.5 m radius",
+    )  # fmt: skip
+    right.legend(loc="upper right")
     return drawn
-
-
-def planned(law: str, speed: np.ndarray) -> np.ndarray:
-    """Planned coefficient by a law of `SPEED_LAWS` at `speed` [km/h]."""
-    return np.asarray(hyperbolic_speed_law(speed / 3.6, *SPEED_LAWS[law]))

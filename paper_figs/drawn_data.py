@@ -16,14 +16,18 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle, StepPatch
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FixedLocator, FuncFormatter
+from numpy.typing import NDArray
 
-from paper_figs.thinning import MOST_CELLS, shown_points, stretches
-
+Floats = NDArray[np.float64]
 Rows = Iterator[dict[str, Any]]
 COLUMNS = (
     "panel", "kind", "series", "x_axis", "y_axis", "place", "x", "x_low", "x_high", "y", "y_low", "y_high", "value",
 )  # fmt: skip
 """Columns of the table; ends of intervals, bars and areas are `low` and `high`, numbers of images and notes `value`."""
+DOTS = 1000
+"""Columns of dots that a panel has at most, in print."""
+MOST_CELLS = 4000
+"""Cells of a picture that are all told; of more, neighbours of one shade are told together."""
 NEAR = 0.5
 """Half the distance of two named places on an axis of names."""
 
@@ -32,7 +36,7 @@ def drawn_data(figure: Figure) -> pd.DataFrame:
     """Rows of every panel: what kind of mark, whose, and its numbers in the units of the axes.
 
     A series has the mark's `gid`, or its label in the legend. What spans an axis, such as a threshold, has one number.
-    Of long lines and of maps it has what the picture can show, see `paper_figs.thinning`.
+    Of long lines and of maps it has what the picture can show.
     """
     rows = [
         {"panel": name, **row} for name, axes in _panels(figure).items() for row in rows_of(axes)
@@ -149,9 +153,9 @@ def _cells(image: AxesImage | QuadMesh) -> Rows:
         across = left + (across + 0.5) * width
         up = first + (up + 0.5) * (last - first) / cells.shape[0]
         if cells.size > MOST_CELLS:
-            for one in stretches(image, cells):
-                ends = {"x_low": left + one.first * width, "x_high": left + one.end * width}
-                yield {"kind": "cells", "series": "", **ends, "y": up[one.row], "value": one.value}
+            for row, first, end, value in _stretches(image, cells):
+                ends = {"x_low": left + first * width, "x_high": left + end * width}
+                yield {"kind": "cells", "series": "", **ends, "y": up[row], "value": value}
             return
     for (row, column), value in np.ndenumerate(cells):
         yield {"kind": "cell", "series": "", "x": across[column], "y": up[row], "value": value}
@@ -222,3 +226,39 @@ def _nothing(value: Any) -> bool:
 def _plain(words: str) -> str:
     """Words on one line."""
     return " ".join(words.split())
+
+
+def shown_points(x: Floats, y: Floats) -> NDArray[np.int64]:
+    """Numbers of the points that decide how a line looks: the first, last, lowest and highest in each column of dots.
+
+    All of them where there are few, or where the line does not run from left to right. Source: Jugel et al., M4: a
+    visualization-oriented time series data aggregation, VLDB 2014.
+    """
+    count = len(x)
+    known = np.isfinite(x) & np.isfinite(y)
+    # a gap ends a line, so lines with gaps stay as they are
+    if count <= 4 * DOTS or not known.all() or (np.diff(x) < 0.0).any() or x[0] == x[-1]:
+        return np.arange(count)
+    column = np.minimum((x - x[0]) / (x[-1] - x[0]) * DOTS, DOTS - 1).astype(int)
+    begin = np.flatnonzero(np.diff(column, prepend=-1))
+    end = np.append(begin[1:], count)
+    extreme = [
+        start + at
+        for start, stop in zip(begin.tolist(), end.tolist(), strict=True)
+        for at in (int(y[start:stop].argmin()), int(y[start:stop].argmax()))
+    ]
+    return np.unique(np.concatenate([begin, end - 1, extreme]).astype(np.int64))
+
+
+def _stretches(image: AxesImage, cells: Floats) -> Iterator[tuple[int, int, int, float]]:
+    """Stretches of one shade in the rows of a picture: row, first column, the one after the last, mean of known cells."""
+    scaled: Floats = np.ma.filled(
+        np.ma.asarray(image.norm(np.ma.masked_invalid(cells)), float), -1.0
+    )
+    shade = np.floor(scaled * image.get_cmap().N).astype(int)
+    for row, own in enumerate(shade):
+        begin = np.flatnonzero(np.diff(own, prepend=own[0] - 1))
+        for first, end in zip(begin.tolist(), [*begin[1:].tolist(), own.size], strict=True):
+            values = cells[row, first:end]
+            if np.isfinite(values).all():
+                yield row, first, end, float(values.mean())

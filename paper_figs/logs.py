@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from paper_figs.axle_maps import (
+from paper_figs.drawing import Source, figure
+from paper_figs.events import (
     AXLE,
     COEFFICIENT_SHADES,
     LEAST_SLIP,
@@ -17,11 +18,7 @@ from paper_figs.axle_maps import (
     axle_map,
     shade_bar,
 )
-from paper_figs.direct_labels import label_lines
-from paper_figs.palette import BLACK, BLUE, DARK, GREY, VERMILION
-from paper_figs.registry import figure
-from paper_figs.source import Source
-from paper_figs.style import NOTE, PAGE, new_figure
+from paper_figs.style import BLACK, BLUE, DARK, GREY, NOTE, PAGE, VERMILION, new_figure
 from studies.logs.export import log_table, rounded
 from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import MeasuredLog, check_log
@@ -85,7 +82,6 @@ def measured_log(log: MeasuredLog, found: Findings | None = None) -> Figure:
     rows[-1].set(xlabel="time [s]", xlim=(log.run.time[0], log.run.time[-1]))
     rows[-1].xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
     drawn.align_ylabels([speeds, *rows])
-    label_lines(speeds)
     return drawn
 
 
@@ -113,6 +109,8 @@ def _speeds(axes: Axes, log: MeasuredLog) -> None:
     name = "train" if source == "measured" else f"train, {source}"
     axes.plot(*_broken(log, 3.6 * log.run.speed), color=BLACK, linestyle="--", label=name)
     axes.set(ylabel="speed [km/h]", ylim=(0.0, None), title=_error(log))
+    # at the right, where no panel stands
+    axes.legend(loc="upper left", bbox_to_anchor=(1.05, 1.0)).set_in_layout(False)
 
 
 def _error(log: MeasuredLog) -> str:

@@ -12,13 +12,21 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from alloc.recording import attributes_of
-from paper_figs.adhesion_use import AVAILABLE, LIMIT, ROOM, AdhesionUse, draw_use, use_of_units
-from paper_figs.axle_maps import ADHESION_SHADES, LEAST_SLIP, SLIP_SHADES, UNKNOWN
-from paper_figs.moving import Motion, MovingFigure
-from paper_figs.palette import BLACK, DARK
-from paper_figs.registry import figure
-from paper_figs.source import made, recorded
-from paper_figs.style import COLUMN, NOTE, rule_colour
+from paper_figs.drawing import figure, made, recorded
+from paper_figs.events import (
+    ADHESION_SHADES,
+    AVAILABLE,
+    LEAST_SLIP,
+    LIMIT,
+    ROOM,
+    SLIP_SHADES,
+    UNKNOWN,
+    AdhesionUse,
+    draw_use,
+    use_of_units,
+)
+from paper_figs.saving import Motion, MovingFigure
+from paper_figs.style import BLACK, COLUMN, DARK, NOTE, Look, rule_colour
 from studies.report.replay import drawing
 from studies.scenario.loading import load_scenario
 
@@ -44,7 +52,7 @@ Train = Mapping[str, Any]
 """What a train is drawn from, see `studies.report.replay.drawing`."""
 
 
-class Event(NamedTuple):
+class RecordedSeries(NamedTuple):
     """Series of a run at its recorded instants."""
 
     time: Floats
@@ -98,11 +106,11 @@ def slip_replay(train: Train, run: xr.Dataset) -> MovingFigure:
     return drawn
 
 
-def event_of(run: xr.Dataset) -> Event:
+def event_of(run: xr.Dataset) -> RecordedSeries:
     """The series that are shown of a recorded run."""
     units, axle_unit = range(run.sizes["unit"]), run["axle_unit"].values
     slip = np.abs(run["slip_velocity"].values)
-    return Event(
+    return RecordedSeries(
         run["time"].values,
         run["position"].values,
         run["speed"].values,
@@ -113,7 +121,7 @@ def event_of(run: xr.Dataset) -> Event:
     )
 
 
-def shown_instants(event: Event) -> NDArray[np.int64]:
+def shown_instants(event: RecordedSeries) -> NDArray[np.int64]:
     """Numbers of the instants that are shown: evenly from shortly before the first strong slip to the end."""
     strong = event.worst.max(axis=1) > 0.5 * event.worst.max()
     first = event.time[int(strong.argmax())] - BEFORE
@@ -122,7 +130,7 @@ def shown_instants(event: Event) -> NDArray[np.int64]:
     return np.linspace(begin, event.time.size - 1, count).round().astype(np.int64)
 
 
-def with_slip_since(event: Event, chosen: NDArray[np.int64]) -> Event:
+def with_slip_since(event: RecordedSeries, chosen: NDArray[np.int64]) -> RecordedSeries:
     """The same; slips at the chosen instants are the largest since the one before, so that no short slip is passed over."""
     slip, worst = event.slip.copy(), event.worst.copy()
     for before, now in pairwise(chosen.tolist()):
@@ -150,7 +158,7 @@ Mover = Callable[[int], object]
 """Makes a panel show the instant of this number of the run."""
 
 
-def _line(axes: Axes, event: Event, train: Train, rail: tuple[Floats, Floats]) -> Mover:
+def _line(axes: Axes, event: RecordedSeries, train: Train, rail: tuple[Floats, Floats]) -> Mover:
     """Cars and wheels stand still, the rail moves below them."""
     places, found = rail
     axle_unit, behind = np.asarray(train["axle_unit"]), -np.asarray(train["axles"])
@@ -163,15 +171,13 @@ def _line(axes: Axes, event: Event, train: Train, rail: tuple[Floats, Floats]) -
         own = axle_unit[(-behind > begin) & (-behind < end)]
         driven = own[own >= 0] + 1
         colour = MOTOR_CAR if driven.size else "white"
-        box = Rectangle(
-            (-end + 0.4, CAR[0]), end - begin - 0.8, CAR[1], facecolor=colour, edgecolor=DARK
-        )
-        axes.add_patch(box)
+        corner, length = (-end + 0.4, CAR[0]), end - begin - 0.8
+        axes.add_patch(Rectangle(corner, length, CAR[1], facecolor=colour, edgecolor=DARK))
         if driven.size and len(train["cars"]) <= MOST_NAMED:
-            axes.text(
-                -0.5 * (begin + end), CAR[0] + 0.5 * CAR[1], _of_units(int(driven.min()), int(driven.max())), fontsize=NOTE,
-                ha="center", va="center_baseline",
-            )  # fmt: skip
+            first, last = int(driven.min()), int(driven.max())
+            name = f"unit {first}" if first == last else f"{first}–{last}"
+            place = -0.5 * (begin + end), CAR[0] + 0.5 * CAR[1]
+            axes.text(*place, name, fontsize=NOTE, ha="center", va="center_baseline")
     size = min(1.0, MOST_WHEELS / behind.size)
     wheels = axes.scatter(
         behind, np.full(behind.size, WHEEL), s=size * np.where(axle_unit >= 0, 13.0, 6.0), c=event.slip[0],
@@ -197,10 +203,6 @@ def _most(slip: Floats) -> float:
     return max(LEAST_SLIP, float(slip.max()))
 
 
-def _of_units(first: int, last: int) -> str:
-    return f"unit {first}" if first == last else f"{first}–{last}"
-
-
 def _centres(train: Train, units: int) -> tuple[Floats, Floats]:
     """Middle of each unit in the train and its width [m]."""
     axle_unit, behind = np.asarray(train["axle_unit"]), np.asarray(train["axles"])
@@ -208,7 +210,7 @@ def _centres(train: Train, units: int) -> tuple[Floats, Floats]:
     return np.array([-one.mean() for one in own]), np.array([max(np.ptp(one), 3.0) for one in own])
 
 
-def _forces(axes: Axes, event: Event, train: Train, colour: str) -> Mover:
+def _forces(axes: Axes, event: RecordedSeries, train: Train, colour: str) -> Mover:
     """Of each unit, below its cars: what there is, what is used, and the limit."""
     centre, width = _centres(train, len(event.units))
     there = axes.bar(centre, 0.0, width, color=AVAILABLE, label="available")
@@ -231,7 +233,7 @@ def _forces(axes: Axes, event: Event, train: Train, colour: str) -> Mover:
     return move
 
 
-def _slips(axes: Axes, event: Event, train: Train) -> Mover:
+def _slips(axes: Axes, event: RecordedSeries, train: Train) -> Mover:
     """Slip of the worst axle of each unit."""
     centre, width = _centres(train, len(event.units))
     top = _most(event.worst)
@@ -246,19 +248,12 @@ def _slips(axes: Axes, event: Event, train: Train) -> Mover:
     return move
 
 
-def _whole(axes: Axes, event: Event, colour: str, begin: float) -> Mover:
+def _whole(axes: Axes, event: RecordedSeries, colour: str, begin: float) -> Mover:
     """All units over time, up to now."""
     draw_use(axes, event.train, colour)
     end = float(event.time[-1])
-    veil = Rectangle(
-        (0.0, 0.0),
-        0.0,
-        1.0,
-        transform=axes.get_xaxis_transform(),
-        facecolor="white",
-        alpha=0.85,
-        zorder=5,
-    )
+    look: Look = {"facecolor": "white", "alpha": 0.85, "zorder": 5}
+    veil = Rectangle((0.0, 0.0), 0.0, 1.0, transform=axes.get_xaxis_transform(), **look)
     axes.add_patch(veil)
     axes.set(
         xlim=(begin, end), ylim=(0.0, ROOM * float(np.nanmax(event.train.limit))),

@@ -1,45 +1,52 @@
-"""One look for all figures: the style file, the looks of rules and controllers, and what panels share."""
+"""One look for all figures: the style file, colours, looks of rules and controllers, and what panels share."""
 
+import sys
 from collections.abc import Iterable, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
-import matplotlib as mpl
-import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.colors import LinearSegmentedColormap, Normalize
-from matplotlib.figure import Figure
+from matplotlib.colors import Colormap
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import Locator, NullLocator
-from numpy.typing import NDArray
 
 from alloc.onboard.host import CONTROLLERS
 from alloc.rules import RULES
-from paper_figs.counts import counted
-from paper_figs.in_notebook import show_figures
-from paper_figs.palette import BETTER, DARK
-from studies.core.statement import Interval
+from studies.core.statement import CONFIDENCE, Interval
 from studies.files.study_error import StudyError
-
-show_figures()
 
 Look = dict[str, Any]
 """How something is drawn: matplotlib's properties."""
 STYLE_FILE = Path(__file__).parent / "readhesion.mplstyle"
 
-TRAIN_COLOURS = LinearSegmentedColormap.from_list(
-    "train", ["#0b2a5b", "#3f7fb5", "#7fb7a0", "#e3b23c"]
-)
-"""From the front of the train (dark) to its rear (light); they differ by lightness alone."""
+# after Okabe and Ito's palette for colour-blind readers, its yellow darkened to show on white
+BLUE, VERMILION, ORANGE, SKY, GREEN = "#0072b2", "#d55e00", "#e69f00", "#56b4e9", "#009e73"
+PURPLE, GREY, BLACK = "#7b3294", "#7f7f7f", "#000000"
+DARK = "#444444"
+"""Of bounds, and of legend entries that stand for every colour."""
+ZERO = "#888888"
+"""Of the line of no difference."""
+BETTER = "#e3f1e4"
+"""Tint of the side that is better."""
+BAND_GREY = "#dddddd"
+"""Of lines between bands of rows."""
+OTHER_COLOUR = "#402020"
+"""Of a rule that is not there: a plug-in's, in a stored comparison drawn without it."""
 BOUND: Look = {"color": DARK, "linewidth": 0.8, "linestyle": "--", "zorder": 0}
 """Look of the line that a statement is judged by."""
-
 BAND = 0.18
 """Opacity of what shows an ensemble's range."""
 CONTROLLER_FILL: dict[str, str] = {"none": "bottom", "cut-and-ramp": "full", "mpc": "none"}
 """Fill of a rule's marker by readhesion controller, for those that are compared under several rules."""
+NOTE = 6.0
+"""Size of type inside a panel [points], where the style's 7 points have no room; nothing is smaller."""
+NOTEBOOK_FORMATS = ("image/png", "image/svg+xml", "image/jpeg", "application/pdf")
+"""What a notebook may show a figure as."""
 
 
 class Panel(NamedTuple):
@@ -61,8 +68,6 @@ class Width(Enum):
 
 
 COLUMN, PAGE = Width.COLUMN, Width.PAGE
-NOTE = 6.0
-"""Size of type inside a panel [points], where the style's 7 points have no room; nothing is smaller."""
 
 
 def new_figure(width: Width, height: float) -> Figure:
@@ -82,31 +87,26 @@ def new_panels(
     return drawn, drawn.subplots(rows, columns, **layout)
 
 
-OTHER_COLOUR = "#402020"
-"""Of a rule that is not there: a plug-in's, in a stored comparison drawn without it."""
-
-
 def rule_colour(rule: str) -> str:
     """The rule's colour, the same in every figure."""
     return RULES[rule].colour if rule in RULES else OTHER_COLOUR
 
 
-def rule_marker(rule: str) -> str:
-    """The rule's marker, so that colour is never the only sign."""
-    return RULES[rule].marker if rule in RULES else "h"
-
-
 def rule_look(rule: str) -> Look:
     """Colour and marker of a rule, without a line; the `gid` names it in the data beside the figure."""
-    shown = {"color": rule_colour(rule), "marker": rule_marker(rule)}
-    return {**shown, "linestyle": "none", "gid": rule}
+    marker = RULES[rule].marker if rule in RULES else "h"
+    return {"color": rule_colour(rule), "marker": marker, "linestyle": "none", "gid": rule}
 
 
 def controller_look(controller: str) -> Look:
     """Colour and marker of a controller, without a line."""
     found = CONTROLLERS[controller]
-    shown = {"color": found.colour, "marker": found.marker}
-    return {**shown, "linestyle": "none", "gid": controller}
+    return {"color": found.colour, "marker": found.marker, "linestyle": "none", "gid": controller}
+
+
+def controller_fill(controller: str) -> Look:
+    """Fill of a rule's marker under a controller."""
+    return {"fillstyle": CONTROLLER_FILL.get(controller, "left"), "markerfacecoloralt": "white"}
 
 
 def handle(label: str, **look: Any) -> Line2D:
@@ -121,14 +121,16 @@ def rule_handles(rules: Iterable[str]) -> list[Line2D]:
 
 def controller_handles(controllers: Iterable[str]) -> list[Line2D]:
     """Legend entries of controllers: fill of the marker."""
-    look = {"linestyle": "none", "marker": "o", "color": DARK, "markerfacecoloralt": "white"}
-    return [handle(c, fillstyle=CONTROLLER_FILL.get(c, "left"), **look) for c in controllers]
+    look = {"linestyle": "none", "marker": "o", "color": DARK}
+    return [handle(one, **look, **controller_fill(one)) for one in controllers]
 
 
-def legend_below(drawn: Figure, columns: int, *panels: Axes) -> None:
-    """One legend under the figure, of what `panels` label."""
-    handles = [entry for one in panels for entry in one.get_legend_handles_labels()[0]]
-    drawn.legend(handles=handles, loc="outside lower center", ncols=columns)
+def legend_below(
+    drawn: Figure | SubFigure, shown: Axes | Sequence[Artist], columns: int = 0
+) -> None:
+    """One legend under the figure, of what a panel labels or of handles, in so many columns [default: one row]."""
+    handles = shown.get_legend_handles_labels()[0] if isinstance(shown, Axes) else list(shown)
+    drawn.legend(handles=handles, loc="outside lower center", ncols=columns or len(handles))
 
 
 def name_rows(axes: Axes, names: Sequence[str]) -> None:
@@ -141,6 +143,11 @@ def bare_rows(axes: Axes) -> None:
     """Take grid and ticks from rows that only have names."""
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0)
+
+
+def zero_line(axes: Axes, colour: str = ZERO) -> None:
+    """The upright line of no difference."""
+    axes.axvline(0.0, color=colour, linewidth=0.8, zorder=0)
 
 
 def tint_better(axes: Axes, better: int) -> None:
@@ -158,10 +165,16 @@ def plain_ticks(axis: Axis, locator: Locator) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def interval_mark(axes: Axes, found: Interval, y: float, factor: float, look: Look) -> None:
-    """A mean with its interval as a horizontal error bar; one event alone has no interval."""
+def interval_mark(
+    axes: Axes, found: Interval, place: float, factor: float, look: Look, upright: bool = False
+) -> None:
+    """A mean with its interval as an error bar at a `place` across it; one event alone has no interval."""
     counted(axes, [found])
-    axes.errorbar(factor * found.value, y, xerr=sides_of(found, factor), **look)
+    value, sides = factor * found.value, sides_of(found, factor)
+    if upright:
+        axes.errorbar(place, value, sides, **look)
+    else:
+        axes.errorbar(value, place, xerr=sides, **look)
 
 
 def sides_of(found: Interval, factor: float) -> list[list[float]] | None:
@@ -171,17 +184,74 @@ def sides_of(found: Interval, factor: float) -> list[list[float]] | None:
     return [[factor * (found.value - found.low)], [factor * (found.high - found.value)]]
 
 
-def along_train(count: int) -> NDArray[np.float64]:
-    """Colours of this number of units, axles or cars from the front."""
-    return np.asarray(TRAIN_COLOURS(np.linspace(0.0, 1.0, count)))
-
-
-def train_bar(drawn: Figure, panels: Sequence[Axes], count: int, label: str) -> None:
-    """The bar beside `panels` that explains the colours of `along_train`."""
-    bar = drawn.colorbar(
-        mpl.cm.ScalarMappable(Normalize(0.5, count + 0.5), TRAIN_COLOURS.resampled(count)),
-        ax=list(panels), shrink=0.4, aspect=18, pad=0.02,
+def number_cell(
+    axes: Axes, x: float, y: float, size: tuple[float, float], worth: float, colours: Colormap, words: str
+) -> None:  # fmt: skip
+    """A number on a cell of a table: `worth` gives the cell's colour, 0 to 1; black or white, whichever is read on it."""
+    colour = colours(worth)
+    # relative luminance, weights of Rec. 709
+    light = 0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2] > 0.45
+    width, height = size
+    axes.bar(x, height, width, y - 0.5 * height, color=colour, edgecolor="#cccccc", linewidth=0.4)
+    axes.text(
+        x, y, words, ha="center", va="center", fontsize=NOTE, linespacing=1.0, color=BLACK if light else "white"
     )  # fmt: skip
-    bar.set_ticks([1, count] if count > 4 else list(range(1, count + 1)))
-    bar.set_label(label)
-    bar.outline.set_visible(False)
+
+
+def bare_table(axes: Axes) -> None:
+    """Take grid, ticks and frame from a table of cells."""
+    axes.grid(visible=False)
+    axes.tick_params(length=0)
+    for side in axes.spines.values():
+        side.set_visible(False)
+
+
+# what a figure says of itself: `drawing` writes it below the panels
+_COUNTS: "WeakKeyDictionary[Figure, set[int]]" = WeakKeyDictionary()
+_REMARKS: "WeakKeyDictionary[Figure, list[str]]" = WeakKeyDictionary()
+
+
+def counted(axes: Axes, found: Iterable[Interval]) -> None:
+    """Note that a panel shows these means, so that their figure says how many events are behind them."""
+    counts = _COUNTS.setdefault(axes.get_figure(root=True), set())  # type: ignore[arg-type]
+    counts.update(one.count for one in found if one.count)
+
+
+def remark(axes: Axes, words: str) -> None:
+    """A sentence that the figure says of itself beside its counts."""
+    _REMARKS.setdefault(axes.get_figure(root=True), []).append(words)  # type: ignore[arg-type]
+
+
+def remarks(drawn: Figure, events: str) -> str:
+    """What a figure says of itself: how many events, named by `events`, its means have; and its further sentences."""
+    said = []
+    if counts := _COUNTS.get(drawn):
+        least, most = min(counts), max(counts)
+        number = f"{most}" if least == most else f"{least} to {most}"
+        said = [f"Means with {100 * CONFIDENCE:g} % intervals over n = {number} {events}."]
+        if most == 1:
+            said = [f"Each mark is one of the {events} alone, without an interval."]
+        elif least == 1:
+            said += ["A mark without a bar has one alone."]
+    return " ".join(said + _REMARKS.get(drawn, []))
+
+
+def show_figures() -> None:
+    """In a notebook, let a Matplotlib figure show as a picture; a choice that was made before stands.
+
+    IPython does so only once pyplot has been imported, which the figures here do not use.
+    """
+    if "IPython" not in sys.modules:
+        return
+    from IPython.core.getipython import get_ipython
+    from IPython.core.pylabtools import select_figure_formats
+
+    shell: Any = get_ipython()  # IPython is not installed where types are checked
+    if shell is None:
+        return
+    formatters = shell.display_formatter.formatters
+    if not any(Figure in formatters[one] for one in NOTEBOOK_FORMATS if one in formatters):
+        select_figure_formats(shell, {"png"})
+
+
+show_figures()

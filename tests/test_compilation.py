@@ -10,7 +10,9 @@ import pkgutil
 import subprocess
 import sys
 import textwrap
+import threading
 import warnings
+from collections import namedtuple
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +23,11 @@ import alloc.loop
 import mpc
 import studies.readhesion_paper.lanes
 from alloc import compilation, sources
-from alloc import sources as private_folder
 from alloc.onboard.controllers.base import BuiltInController
+from alloc.onboard.parameters import Onboard
+from alloc.onboard.state import RuleSettings, settings
 from alloc.plant import engine as compiled
-from alloc.sources import VARIABLES, cache_folder, closure, path_of, private, sealed, write_whole
+from alloc.sources import VARIABLES, cache_folder, closure, keep, path_of, private, write_whole
 from tests.test_sources import forget
 
 ROOT = Path(__file__).parents[1]
@@ -136,7 +139,7 @@ def start_afresh():
     for name in [name for name in sys.modules if name.partition(".")[0] == "pack"]:
         del sys.modules[name]
     importlib.invalidate_caches()
-    for module in (sources, compilation, private_folder):
+    for module in (sources, compilation):
         forget(module)
 
 
@@ -150,12 +153,33 @@ def test_an_edit_elsewhere_compiles_again_and_a_comment_does_not(kernel, variabl
     assert kernel(variable) == (7.0, False)
 
 
+def difference(pair):
+    return pair.a - pair.b
+
+
+def test_a_kernel_is_not_taken_for_that_of_another_record_of_equal_look(tmp_path, monkeypatch):
+    monkeypatch.setenv("READHESION_CACHE", str(tmp_path))
+    for fields, expected in (("a b", 2.0), ("b a", -2.0)):  # Numba writes both as Pair(float64 x 2)
+        start_afresh()
+        pair = namedtuple("Pair", fields)(3.0, 1.0)
+        assert compilation.compiled(difference)(pair) == expected
+    start_afresh()
+
+
+def test_what_was_compiled_for_settings_by_value_is_found_again():
+    st = settings(Onboard(), RuleSettings(0), "pi-creep")
+    for name, value in st._asdict().items():
+        assert type(pickle.loads(pickle.dumps(value))) is type(value), name
+    assert pickle.loads(pickle.dumps(type(st.brakes.slide_protection))) is type(
+        st.brakes.slide_protection
+    )
+
+
 def test_who_waits_at_a_terminal_is_told_once_and_only_where_something_is_compiled(
     kernel, monkeypatch
 ):
     terminal, log = io.StringIO(), io.StringIO()
     monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)
-    monkeypatch.setattr(compilation._Said, "compiling", False)
     monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
     monkeypatch.delattr(sys, "ps1", raising=False)
     kernel()
@@ -165,13 +189,14 @@ def test_who_waits_at_a_terminal_is_told_once_and_only_where_something_is_compil
     assert kernel() == (7.0, False)
     assert log.getvalue() == terminal.getvalue() == "", "a log is not told, nor who loads"
     kernel(law=[("*", "-")])
-    kernel(law=[("*", "/")])
+    compilation._say_compiling()
     assert terminal.getvalue() == f"{compilation.COMPILING}\n"
 
 
 def test_a_library_of_another_version_compiles_again(kernel, monkeypatch):
     kernel()
-    monkeypatch.setattr("llvmlite.__version__", "0.0.0")
+    found = sources.library_versions() | {"llvmlite": "0.0.0"}
+    monkeypatch.setattr(sources, "library_versions", lambda: found)
     assert kernel() == (7.0, True)
 
 
@@ -185,13 +210,12 @@ class Exploit:
         return os.system, (f"touch {self.witness}",)
 
 
-def poison(folder, witness):
-    """Replace every index of compiled code by one that runs a command."""
-    indices = list(folder.rglob("*.nbi"))
-    for path in indices:
-        version = pickle.loads(path.read_bytes())
-        path.write_bytes(sealed(pickle.dumps(version) + pickle.dumps(Exploit(witness))))
-    return indices
+def poison(witness):
+    """Replace all compiled code by what runs a command."""
+    kernels = list(cache_folder().glob("kernel-*"))
+    for path in kernels:
+        keep(path.name, pickle.dumps(Exploit(witness)))
+    return kernels
 
 
 OTHER = 65534
@@ -199,31 +223,35 @@ OTHER = 65534
 
 
 @pytest.mark.parametrize("how", ["owner", "file", "mode", "link"])
-def test_compiled_code_that_another_user_could_have_put_there_is_not_loaded(kernel, tmp_path, how):
+def test_compiled_code_that_another_user_could_have_put_there_is_not_loaded(
+    kernel, tmp_path, monkeypatch, how
+):
     kernel()
-    folder = tmp_path / "cache" / "readhesion" / "code"
-    (kernels,) = folder.glob("kernels-*")
-    (index,) = poison(kernels, tmp_path / "witness")
+    folder = cache_folder()
+    (file,) = poison(tmp_path / "witness")
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
     if how == "mode":
-        kernels.chmod(0o777)
+        folder.chmod(0o777)
     elif how == "link":
-        kernels.rename(tmp_path / "elsewhere")
-        kernels.symlink_to(tmp_path / "elsewhere")
+        folder.rename(tmp_path / "elsewhere")
+        folder.symlink_to(tmp_path / "elsewhere")
     elif os.getuid() != 0:
         pytest.skip("only root can give files away")
     else:
-        os.chown(kernels if how == "owner" else index, OTHER, OTHER)
-    with pytest.warns(RuntimeWarning, match="not this user's alone; it is now 'refused-"):
-        assert kernel() == (7.0, True)
+        os.chown(folder if how == "owner" else file, OTHER, OTHER)
+    for compiles in (True, False):
+        with pytest.warns(RuntimeWarning, match="not this user's alone: it is not used, delete it"):
+            assert kernel() == (7.0, compiles)
     assert not (tmp_path / "witness").exists()
-    assert list(folder.glob("refused-*"))
-    kernels.chmod(0o700)
+    assert list((tmp_path / "temporary").rglob("kernel-*"))
+    folder.chmod(0o700)
 
 
 def test_the_exploit_works_where_the_files_are_ones_own(kernel, tmp_path):
     """So that the test above can fail."""
     kernel()
-    poison(tmp_path / "cache", tmp_path / "witness")
+    assert poison(tmp_path / "witness")
     with warnings.catch_warnings(action="ignore"):
         assert kernel() == (7.0, True)
     assert (tmp_path / "witness").exists()
@@ -271,13 +299,10 @@ def survives_damage(folder, patterns, work, times):
 
 def test_what_is_damaged_is_set_aside_and_made_again(kernel, tmp_path):
     def work():
-        sources._Memo.found = None
-        answer, _ = kernel()
-        sources._Memo.keep()
-        return answer
+        return kernel()[0]
 
-    folder = tmp_path / "cache" / "readhesion" / "code"
-    survives_damage(folder, ["*.nbi", "*.nbc", "sources"], work, 12)
+    work()
+    survives_damage(cache_folder(), ["kernel-*", "source-*"], work, 12)
 
 
 def test_a_part_of_compiled_code_says_that_python_cannot_call_it():
@@ -317,10 +342,12 @@ def test_where_the_cache_is_another_users_the_temporary_folder_serves(tmp_path, 
     os.chown(taken, OTHER, OTHER)
     monkeypatch.setenv("READHESION_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("tempfile.tempdir", str(temporary))
-    found = cache_folder.__wrapped__()
+    with pytest.warns(RuntimeWarning, match="not this user's alone"):
+        found = cache_folder.__wrapped__()
     assert found == temporary / f"readhesion-{os.getuid()}" / "code"
     os.chown(found, OTHER, OTHER)
-    other = cache_folder.__wrapped__()
+    with pytest.warns(RuntimeWarning, match="not this user's alone"):
+        other = cache_folder.__wrapped__()
     assert other.parent.parent == temporary
     assert other != found
     assert other.stat().st_mode & 0o777 == 0o700
@@ -345,3 +372,34 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
         write_whole(tmp_path / "file", half)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     assert (tmp_path / "file").read_text() == "whole"
+
+
+def test_writers_at_once_leave_one_whole_file(tmp_path):
+    target, barrier = tmp_path / "file.txt", threading.Barrier(2)
+
+    def write(aside):
+        with aside.open("w") as file:
+            file.write("first half, ")
+            barrier.wait(10.0)  # both are in the middle of it
+            assert not target.exists() or target.read_text() == "first half, second half"
+            file.write("second half")
+
+    threads = [threading.Thread(target=write_whole, args=(target, write)) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [path.name for path in tmp_path.iterdir()] == ["file.txt"]
+    assert target.read_text() == "first half, second half"
+
+
+def test_what_was_not_used_for_long_is_deleted(kernel):
+    kernel()
+    paths = list(cache_folder().iterdir())
+    for used, compiles in ((True, False), (False, True)):
+        for path in paths:
+            os.utime(path, (0.0, 0.0))
+        if used:
+            assert kernel() == (7.0, False)
+        kernel(factor=[("2.0", "5.0" if used else "7.0")])
+        assert kernel() == (7.0, compiles)

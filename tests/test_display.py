@@ -16,7 +16,7 @@ from alloc.plant.sets import find_set
 from alloc.rules import RULES, AllocationProblem, optimality
 from alloc.rules.problem import CASE_B, allocation
 from alloc.simulation import CONTROLLERS
-from paper_figs.registry import FIGURES
+from paper_figs.drawing import FIGURES
 from studies.core.statement import Interval, Statement
 from studies.railtoolkit.records import RunningPath, sections
 from studies.scenario.loading import load_scenario

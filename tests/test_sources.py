@@ -189,7 +189,6 @@ def hashes(monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(sources, "_source", source)
             code_hash.cache_clear()
-            sources.syntax_hash.cache_clear()
             return {modules: code_hash(*modules) for modules in found}
 
     forget()

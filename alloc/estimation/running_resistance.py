@@ -176,7 +176,7 @@ class Learner:
         self.weights = array
 
     def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
-        """Learn from one sample; see `alloc.onboard.speed_controller.Learner`."""
+        """Learn from one sample; see `alloc.onboard.speed_controller.ResistanceLearner`."""
         if regressor.shape != self.weights.shape or not np.all(np.isfinite(regressor)):
             raise EstimationError(
                 f"resistance learner: regressor = {regressor} must be {self.weights.size} finite numbers"

@@ -73,9 +73,6 @@ def mean_rate(time: Floats, values: Floats, window: float, at: Floats | None = N
     return np.asarray(gained / (end - begin))
 
 
-# Stretches of a series in which a condition is true.
-
-
 def spans(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
     """First instant and first one after it of every stretch in which `flags` (instants,) are true, (spans, 2)."""
     padded = np.zeros(flags.size + 2, dtype=np.bool_)

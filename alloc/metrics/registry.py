@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from alloc.balance import ROUNDING
 from alloc.display import displayed
 from alloc.errors import UnsoundRun
 from alloc.registry import Registry
@@ -28,8 +29,6 @@ UNLIMITED = (-math.inf, math.inf)
 """Range of a quantity without bounds."""
 NEVER_NEGATIVE = (0.0, math.inf)
 SHARE = (0.0, 1.0)
-ROUNDING = 1e-9
-"""By how much a metric may be outside its range."""
 EITHER_WAY = (-1.0, 1.0)
 """Range of a force over the largest possible force; the force may point the other way."""
 

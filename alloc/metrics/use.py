@@ -32,9 +32,6 @@ from alloc.metrics.registry import (
 )
 from alloc.onboard.telegrams import WHOLE
 
-# Effort, adhesion used, slip, damage, ride and energy of a run.
-
-
 JERK_CUT_OFF = 5.0
 """Cut-off frequency [Hz] of the low-pass on car acceleration before it is differentiated. Longitudinal ride comfort depends
 on frequencies of a few hertz."""

@@ -24,7 +24,7 @@ from alloc.onboard.parameters import Onboard, Telegrams
 from alloc.onboard.telegrams import AddedNumbers, Attachment
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.model import Floats, Ints, Model
-from alloc.records import function_at, named_record
+from alloc.records import named_record, stored_at
 from alloc.registry import Registry
 
 # Interface of readhesion controllers that run as Python objects (the MPC): of a train, or one per traction unit.
@@ -233,7 +233,7 @@ ANSWER = named_record("torque", "solve_time", "residual", usable=np.int64, statu
 
 STEP = types.FunctionType(void(int64, from_dtype(READING), float64[::1], from_dtype(ANSWER)))
 """A control period: (address of the controller's record, reading, angular speeds [rad/s] (axles,), answer to be filled)."""
-_step_at = function_at(STEP)
+_step_at = stored_at(STEP)
 
 NOT_A_TORQUE = "torque not finite"
 
@@ -342,9 +342,6 @@ def command_compiled(eq, m, c, torque, time, tick):
             m.unit.torque_command[j] = answer.torque
         c.status[j, status] += 1
         m.unit.torque_factor[j] = share_of_target(m, j)
-
-
-# All readhesion controllers by name: built-in ones, those of installed packages, and those registered at run time.
 
 
 CONTROLLERS: Registry[type[BuiltInController] | HostedController] = Registry(

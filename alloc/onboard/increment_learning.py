@@ -59,9 +59,8 @@ class IncrementLearning:
     def __post_init__(self) -> None:
         OnboardError.check_choice("learning", "kind", self.kind, KINDS)
         OnboardError.check_choice("learning", "reference", self.reference, ("received", "held"))
-        numbers = ("stored", "noise", "deviation", "drift")
-        OnboardError.check("learning", self, ("noise",), ("stored", "deviation", "drift"))
-        OnboardError.check_finite("learning", self, numbers)
+        nonnegative = ("stored", "deviation", "drift")
+        OnboardError.check("learning", self, ("noise",), nonnegative, infinite=())
         for name in ("first", "further"):
             number = getattr(self, name)
             if not isinstance(number, int) or number < 1:

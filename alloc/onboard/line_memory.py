@@ -10,7 +10,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,10 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from alloc.errors import OnboardError
 from alloc.plant.laws import gradient_force
 from alloc.plant.model import Floats
-
-if TYPE_CHECKING:
-    from alloc.onboard.speed_controller import TrainSense
-
 
 # What the train remembers of its line: open or tunnel, and gradient, by position (JP H07-322414 Figs. 2, 5).
 
@@ -175,8 +171,8 @@ class PositionDetector:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        OnboardError.check("detector", self, nonnegative=("delay", "speed_noise"))
-        OnboardError.check_finite("detector", self, ("delay", "speed_noise"))
+        nonnegative = ("delay", "speed_noise")
+        OnboardError.check("detector", self, nonnegative=nonnegative, infinite=())
 
 
 class Detection:
@@ -192,13 +188,18 @@ class Detection:
         self._period = period
         self._count: _Count | None = None
 
-    def read(self, sense: TrainSense) -> tuple[float, float]:
-        """Position [m] and speed [m/s] as the train has them now; until signals come, those of the first instant."""
-        signal = (sense.position, sense.speed)
+    def read(
+        self, time: float, position: float, speed: float, wheel_speed: Floats
+    ) -> tuple[float, float]:
+        """Position [m] and speed [m/s] as the train has them now; until signals come, those of the first instant.
+
+        In: the true ones at `time` [s], and the speed of each axle's tread [m/s], (axles,).
+        """
+        signal = (position, speed)
         if self._odometer is not None:
             if self._count is None:
-                self._count = _Count(self._odometer, sense)
-            signal = self._count.read(sense, self._period)
+                self._count = _Count(self._odometer, position, wheel_speed)
+            signal = self._count.read(time, position, wheel_speed, self._period)
         self._signals.append(signal)
         position, speed = self._signals[0]
         if self._newer > 0.0 and len(self._signals) == self._signals.maxlen:
@@ -213,22 +214,22 @@ class Detection:
 class _Count:
     """The count of one odometer."""
 
-    def __init__(self, odometer: Odometer, sense: TrainSense) -> None:
+    def __init__(self, odometer: Odometer, position: float, wheel_speed: Floats) -> None:
         self._odometer = odometer
-        if odometer.axles and max(odometer.axles) >= len(sense.wheel_speed):
+        if odometer.axles and max(odometer.axles) >= len(wheel_speed):
             raise OnboardError(
-                f"odometer: axles = {odometer.axles} must lie below {len(sense.wheel_speed)}, the number of axles"
+                f"odometer: axles = {odometer.axles} must lie below {len(wheel_speed)}, the number of axles"
             )
         self._axles = list(odometer.axles) or slice(None)
-        self._counted = len(odometer.axles) or len(sense.wheel_speed)
-        passed = [place for place in odometer.stations if place <= sense.position]
-        come = sense.position - passed[-1] if passed else 0.0
+        self._counted = len(odometer.axles) or len(wheel_speed)
+        passed = [place for place in odometer.stations if place <= position]
+        come = position - passed[-1] if passed else 0.0
         self._passed = len(passed)
-        self._position = sense.position + self._residual() + odometer.scale_error * come
-        self._speed = self._turning(sense)
+        self._position = position + self._residual() + odometer.scale_error * come
+        self._speed = self._turning(wheel_speed)
 
-    def _turning(self, sense: TrainSense) -> float:
-        wheels = float(np.add.reduce(sense.wheel_speed[self._axles])) / self._counted
+    def _turning(self, wheel_speed: Floats) -> float:
+        wheels = float(np.add.reduce(wheel_speed[self._axles])) / self._counted
         return (1.0 + self._odometer.scale_error) * wheels
 
     def _residual(self) -> float:
@@ -239,16 +240,18 @@ class _Count:
             else 0.0
         )
 
-    def read(self, sense: TrainSense, period: float) -> tuple[float, float]:
-        speed = self._turning(sense)
-        if sense.time > 0.0:
+    def read(
+        self, time: float, position: float, wheel_speed: Floats, period: float
+    ) -> tuple[float, float]:
+        speed = self._turning(wheel_speed)
+        if time > 0.0:
             self._position += 0.5 * (speed + self._speed) * period
         self._speed = speed
         stations = self._odometer.stations
-        while self._passed < len(stations) and stations[self._passed] <= sense.position:
+        while self._passed < len(stations) and stations[self._passed] <= position:
             self._passed += 1
-            since = sense.position - stations[self._passed - 1]
-            self._position = sense.position + self._residual() + self._odometer.scale_error * since
+            since = position - stations[self._passed - 1]
+            self._position = position + self._residual() + self._odometer.scale_error * since
         return self._position, speed
 
 

@@ -55,8 +55,7 @@ class TorqueRelief:
 
     def __post_init__(self) -> None:
         numbers = sorted({one.name for one in fields(self)} - {"share"})
-        OnboardError.check("relief", self, numbers, ("share",))
-        OnboardError.check_finite("relief", self, numbers)
+        OnboardError.check("relief", self, numbers, ("share",), infinite=("share",))
         if self.share > 1.0:
             raise OnboardError(f"relief: share = {self.share!r} must lie in [0, 1]")
         OnboardError.check_order("relief", self, "air_known", "air_doubt")
@@ -128,16 +127,12 @@ class ReferenceSpeed:
     def __post_init__(self) -> None:
         OnboardError.check_choice("reference speed", "source", self.source, ("estimate", "truth"))
         positive, others = ("sensor", "creep"), ("creep_speed", "repeat", "radius_deviation")
-        OnboardError.check("reference speed", self, positive, others)
-        OnboardError.check_finite("reference speed", self, (*positive, *others))
+        OnboardError.check("reference speed", self, positive, others, infinite=())
 
     @property
     def radius_prior(self) -> float:
         """Deviation of the believed radii from their mean at the start of a run, relative; 0: they are never compared."""
         return min(COMPARED if self.radii_compared else 1.0, self.radius_deviation)
-
-
-# Parameters of the equipment on board; what the train believes is kept apart from the truth.
 
 
 LARGEST_ERRORS = {"load_error": 1.0, "radius_error": 0.5}
@@ -337,11 +332,8 @@ class Belief:
     """Believed over true stiffness of the draft gear, as used by the reference speed's estimate."""
 
     def __post_init__(self) -> None:
-        OnboardError.check(
-            "belief", self, ("mass_factor", "coupler_factor"), nonnegative=("resistance_factor",)
-        )
-        factors = ("mass_factor", "resistance_factor", "coupler_factor")
-        OnboardError.check_finite("belief", self, factors)
+        factors = ("mass_factor", "coupler_factor")
+        OnboardError.check("belief", self, factors, ("resistance_factor",), infinite=())
         if self.loads is not None and not all(math.isfinite(x) and x >= 0.0 for x in self.loads):
             raise OnboardError(
                 f"belief: loads = {self.loads} must be finite, 0 or greater, one per car in kg"

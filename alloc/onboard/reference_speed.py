@@ -9,7 +9,7 @@ seen, it tells nothing: air brakes may hold it in its slide.
 """
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,11 +23,6 @@ from alloc.plant.laws import (
     running_resistance,
 )
 from alloc.plant.model import Floats, Ints
-from alloc.records import numbers_of
-
-if TYPE_CHECKING:
-    from alloc.onboard.parameters import Onboard
-
 
 NEAR = 0.015
 """Slip ratio of a wheel that runs near the estimated speed."""
@@ -284,23 +279,6 @@ class ReferenceMemory(NamedTuple):
     pressure: Floats  # (groups,) that is there
     relief: ReliefMemory
     radii: RadiusMemory
-
-
-def reference_settings(onboard: "Onboard") -> Any:
-    """Numbers of `ReferenceSpeed` for a run, whether the true speed is `given`, and the `noise` of a reading [m/s].
-
-    A reading is as uncertain as its noise and its quantum make it.
-    """
-    given, sensors = onboard.reference, onboard.sensors
-    noise = math.sqrt(given.sensor**2 + sensors.speed_noise**2 + sensors.speed_quantum**2 / 12.0)
-    return numbers_of(
-        given,
-        given=given.source == "truth",
-        noise=noise,
-        radius_prior=given.radius_prior,
-        # what is taken for a motion of the wheel must exceed what noise makes of its speed
-        returning=max(given.returning, NOISE_MARGIN * OBSERVER_POLE * noise),
-    )
 
 
 def reference_memory(bodies: int, axles: int, units: int, groups: int) -> ReferenceMemory:

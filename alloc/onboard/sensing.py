@@ -89,9 +89,6 @@ def compare_radii(eq, st, m, commanded, torque, pressure):
         m.differentiator[j] = m.observer[j] = np.nan
 
 
-# Sensing, once per control period: speeds, accelerations, slip signals, coefficient estimates.
-
-
 @inlined_jit
 def _lose_signals(eq, dropout, m, time):
     """Which axles' speeds are known now, and of how many axles each unit knows them.
@@ -231,7 +228,7 @@ def _detect(st, m, j, sign, time, commanded):
 @inlined_jit
 def _limits(eq, m, j, sign, blended):
     """Torque limits of unit `j` at its speed, and the coefficient that they allow."""
-    place = limit_place(m.speed[j], 3.6, eq.drive_table.shape[1] - 1.000001)
+    place = limit_place(m.speed[j], 3.6, eq.drive_table.shape[1])
     m.drive_limit[j] = look_up(eq.drive_table[j], place)
     m.brake_limit[j] = look_up(eq.brake_table[j], place)
     bound = m.drive_limit[j] if sign > 0.0 else m.brake_limit[j]

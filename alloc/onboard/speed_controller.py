@@ -255,7 +255,7 @@ class Traction:
     def limit(self, speed: float, braking: bool) -> Floats:
         """Largest torque of each unit's motors [N m] at `speed` [m/s], (units,)."""
         table = self.brake_limit if braking else self.drive_limit
-        place = limit_place(speed, 1.0 / EFFORT_SPEED_STEP, table.shape[1] - 1.000001)
+        place = limit_place(speed, 1.0 / EFFORT_SPEED_STEP, table.shape[1])
         return np.asarray(look_up(table.T, place))
 
     def torques(self, current: float, speed: float) -> tuple[Floats, float]:
@@ -267,9 +267,6 @@ class Traction:
         limit = self.limit(speed, torque < 0.0)
         torques = np.minimum(np.maximum(torque, -limit), limit)
         return torques, float(self.rim_force @ torques) * self.current_per_force
-
-
-# The speed control as a driver of `alloc.driving.drive`: feedback, compensation, feedforward, learning.
 
 
 Mode = Literal["feedback", "compensation", "feedforward", "learn-then-use"]
@@ -290,7 +287,7 @@ LOGGED: dict[str, tuple[str, str]] = {
 """Signals that a speed control records once per control period: unit and meaning."""
 
 
-class Learner(Protocol):
+class ResistanceLearner(Protocol):
     """Interface of an object that learns the weights: see `alloc.estimation.running_resistance`."""
 
     weights: Floats
@@ -308,7 +305,7 @@ class Learning:
     `train_length` [m]: no learning while section or gradient change under the train (not in the source); 0: learn there too.
     """
 
-    learner: Learner | None = None
+    learner: ResistanceLearner | None = None
     error: Literal["feedback", "model"] = "feedback"
     switch: LearnThenUse | None = None
     filter_time: float = 0.0
@@ -373,7 +370,8 @@ class SpeedControl:
 
     def __call__(self, sense: TrainSense, controls: Controls) -> bool:
         """Set the torques of all units for the coming control period."""
-        position, speed = self._detection.read(sense)
+        detected = self._detection.read(sense.time, sense.position, sense.speed, sense.wheel_speed)
+        position, speed = detected
         switch = self.learning.switch
         wanted, rate = (float(value) for value in self.command.at(sense.time))
         error = self._learn(speed, position)

@@ -4,6 +4,7 @@ In: `Onboard` parameters and `Equipment`. Out: `Settings`, numbers that compiled
 arrays that they write.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,11 +33,12 @@ from alloc.onboard.increment_learning import (
 from alloc.onboard.laws import differentiator_gain, observer_gains
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.reference_speed import (
+    NOISE_MARGIN,
+    OBSERVER_POLE,
     ReferenceMemory,
     ReferencePace,
     reference_memory,
     reference_pace,
-    reference_settings,
 )
 from alloc.onboard.telegrams import (
     NOTHING_ADDED,
@@ -99,6 +101,23 @@ class Settings(NamedTuple):
     learning: Any  # with `learner`, its identifier, and `held`, whether a datum counts against the leader's last slip
 
 
+def reference_settings(onboard: Onboard) -> Any:
+    """Numbers of `ReferenceSpeed` for a run, whether the true speed is `given`, and the `noise` of a reading [m/s].
+
+    A reading is as uncertain as its noise and its quantum make it.
+    """
+    given, sensors = onboard.reference, onboard.sensors
+    noise = math.sqrt(given.sensor**2 + sensors.speed_noise**2 + sensors.speed_quantum**2 / 12.0)
+    return numbers_of(
+        given,
+        given=given.source == "truth",
+        noise=noise,
+        radius_prior=given.radius_prior,
+        # what is taken for a motion of the wheel must exceed what noise makes of its speed
+        returning=max(given.returning, NOISE_MARGIN * OBSERVER_POLE * noise),
+    )
+
+
 def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
     """Settings of a run; `controller` names a built-in one, any other name stands for one that is hosted."""
     period, sensors, braking = onboard.period, onboard.sensors, onboard.braking
@@ -115,7 +134,7 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
         rule=rule._replace(trigger=int(trigger), caps=int(rule.caps)),
         hosted=hosted,
         controller=list(BUILT_IN).index(RESERVE if hosted else controller),
-        law=law_settings(onboard),
+        law=law_settings(onboard, onboard.period),
         detector=numbers_of(
             onboard.detector, gain=differentiator_gain(onboard.detector.pole, period)
         ),
@@ -143,9 +162,6 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
             held=onboard.learning.reference == "held",
         ),
     )
-
-
-# What the train's computers remember in a run; nothing is allocated later.
 
 
 Counter = NDArray[np.int64]

@@ -13,11 +13,6 @@ from alloc.onboard.laws import SUPPLY
 from alloc.onboard.reference_speed import is_relieved
 from alloc.plant.model import Floats
 
-# Telegrams between the foremost unit and the others: they arrive late, or never.
-#
-# Controllers in Python add their numbers to the same telegrams (`alloc.onboard.telegrams`).
-
-
 SLOTS = 16
 """Largest number of telegrams in transit on one line."""
 

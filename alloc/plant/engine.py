@@ -258,7 +258,7 @@ def _motors(w, time, y, slope):
         for m in range(unit.members.shape[0]):
             speed = speed + load(unit.share[m], j) * gather(y, unit.members[m], j)
         place = load(unit.table_start, j) + limit_place(
-            speed, 1.0 / EFFORT_SPEED_STEP, unit.table_end
+            speed, 1.0 / EFFORT_SPEED_STEP, unit.table_size
         )
         slope_of_torque = motor_torque_rate(
             load(y, row.torque + j), load(w.scratch.command, j), look_up(unit.drive_table, place),

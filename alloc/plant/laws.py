@@ -88,12 +88,12 @@ def motor_torque_rate(torque, command, drive_limit, brake_limit, health, inverse
 
 
 @equation
-def limit_place(speed, per_speed, last):
-    """Where a table of torque limits is read at `speed` [m/s], for `look_up`.
+def limit_place(speed, per_speed, size):
+    """Where a table of torque limits of `size` points, 1 / `per_speed` [m/s] apart, is read at `speed` [m/s], for `look_up`.
 
-    Its points are 1 / `per_speed` [m/s] apart. `last`: the greatest place, a little before the last point.
+    The greatest place lies a little before the last point.
     """
-    return minimum(absolute(speed) * per_speed, last)
+    return minimum(absolute(speed) * per_speed, size - 1.000001)
 
 
 @equation

@@ -340,9 +340,6 @@ def environment_of(
     )
 
 
-# From a train, a rail and a line to the arrays that the plant computes with.
-
-
 STABLE_STEP = 2.0
 """Largest product of stiffness and step; RK4's limit on the negative real axis is 2.78."""
 

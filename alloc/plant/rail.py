@@ -20,9 +20,6 @@ from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
 from alloc.plant.laws import conditioning_deposit, sand_laid, slip_ratio
 from alloc.plant.operations import exp, floor, maximum, minimum, sine
 
-# The rail as it truly is: adhesion by speed, position, time, axle; and the line: gradients, tunnels, curves.
-
-
 SPEED_LAWS: dict[str, tuple[float, float, float]] = {
     "none": (0.0, 1.0, 1.0),
     "shinkansen": (13.6, 85.0, 0.0),  # planned coefficient, JP5484215 (12)

@@ -104,7 +104,7 @@ class Rows(NamedTuple):
     end: int
 
 
-class Axles(NamedTuple):
+class AxleConstants(NamedTuple):
     """Constants of the axles, and the rows where each finds its body, motor and cylinder."""
 
     offset: Floats
@@ -131,7 +131,7 @@ class Axles(NamedTuple):
     pressure_row: Ints
 
 
-class Cars(NamedTuple):
+class CarConstants(NamedTuple):
     """Constants of the cars, of the bodies and of the couplers behind them."""
 
     members: Ints  # (most axles of a car, cars) the car's axles
@@ -146,7 +146,7 @@ class Cars(NamedTuple):
     rubs: bool  # whether there are friction draft gears
 
 
-class Units(NamedTuple):
+class UnitConstants(NamedTuple):
     """Constants of traction units and brake groups."""
 
     members: Ints  # (most axles of a unit, units) rows of the angular speeds of its axles
@@ -156,11 +156,11 @@ class Units(NamedTuple):
     table_start: Floats  # (units,) where its limits begin in the tables
     drive_table: Floats
     brake_table: Floats
-    table_end: float  # of each
+    table_size: float  # of each
     inverse_times: Floats  # (2, groups) of filling and releasing
 
 
-class Rail(NamedTuple):
+class RailConstants(NamedTuple):
     """The environment, common to all axles."""
 
     curve_kind: int
@@ -240,10 +240,10 @@ class Workspace(NamedTuple):
     place: Ints  # (rows,) of the state among those of the padded one
     rigid: bool
     stages: Floats  # (4, 3) of the integrator
-    axle: Axles
-    car: Cars
-    unit: Units
-    rail: Rail
+    axle: AxleConstants
+    car: CarConstants
+    unit: UnitConstants
+    rail: RailConstants
     scratch: Scratch
     noted: Noted
 
@@ -260,10 +260,10 @@ def _rows(n: Layout) -> Rows:
     return Rows(0, *(int(end) for end in ends))
 
 
-def _axles(model: Model, row: Rows) -> Axles:
+def _axles(model: Model, row: Rows) -> AxleConstants:
     s, e, absent = model.structure, model.environment, row.nothing
     fades = bool(s.shoe_friction[:, 0].any())
-    return Axles(
+    return AxleConstants(
         offset=filled(s.axle_offset),
         radius=filled(s.radius),
         inertia=filled(s.inertia, 1.0),
@@ -289,9 +289,9 @@ def _axles(model: Model, row: Rows) -> Axles:
     )
 
 
-def _cars(model: Model, row: Rows) -> Cars:
+def _cars(model: Model, row: Rows) -> CarConstants:
     s, n = model.structure, model.layout
-    return Cars(
+    return CarConstants(
         members=members(s.axle_car, n.cars, padded(n.axles)),
         position_row=indices(row.position + s.car_body, row.nothing),
         speed_row=indices(row.speed + s.car_body, row.nothing),
@@ -306,11 +306,11 @@ def _cars(model: Model, row: Rows) -> Cars:
     )
 
 
-def _units(model: Model, row: Rows) -> Units:
+def _units(model: Model, row: Rows) -> UnitConstants:
     s, n = model.structure, model.layout
     of_unit = members(s.axle_unit, n.units, -1)
     points = s.drive_table.shape[1]
-    return Units(
+    return UnitConstants(
         members=np.where(of_unit < 0, row.nothing, row.omega + of_unit),
         share=np.where(of_unit < 0, 0.0, s.radius[of_unit] / filled(s.unit_axles, 1.0)),
         inverse_lag=filled(1.0 / s.unit_lag, 1.0),
@@ -319,15 +319,15 @@ def _units(model: Model, row: Rows) -> Units:
         # look-ups take two neighbours, also where there is no unit
         drive_table=np.append(s.drive_table, np.zeros(2)),
         brake_table=np.append(s.brake_table, np.zeros(2)),
-        table_end=max(points, 2) - 1.000001,
+        table_size=float(max(points, 2)),
         inverse_times=filled(1.0 / np.array([s.group_fill, s.group_release]), 1.0),
     )
 
 
-def _rail(model: Model) -> Rail:
+def _rail(model: Model) -> RailConstants:
     e = model.environment
-    own = {name: getattr(e, name) for name in Rail._fields if name in e._fields}
-    return Rail(
+    own = {name: getattr(e, name) for name in RailConstants._fields if name in e._fields}
+    return RailConstants(
         **own,
         law_offset=float(e.law[1, 0]),
         grade=e.line[0],

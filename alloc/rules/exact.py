@@ -161,7 +161,7 @@ def answer_exact(problem: AllocationProblem) -> Allocation:
 
 EXACT = Rule(
     "exact", "the exact level of JP5484215 par. 0050, weighted with mass", answer_exact, exact_law,
-    colour="#0072b2", marker="P",
+    promise="exact", colour="#0072b2", marker="P",
 )  # fmt: skip
 RULES.register("exact", EXACT)
 
@@ -355,7 +355,7 @@ def answer_oracle(problem: AllocationProblem) -> Allocation:
 
 ORACLE = Rule(
     "oracle", "the exact level on the true coefficients: what could be had at best", answer_oracle,
-    oracle_law, trigger=Trigger.PERIOD, caps=Caps.TRUE, colour="#000000", marker="*",
+    oracle_law, trigger=Trigger.PERIOD, caps=Caps.TRUE, promise="exact", colour="#000000", marker="*",
 )  # fmt: skip
 RULES.register("oracle", ORACLE)
 
@@ -396,6 +396,6 @@ def cooperative_law(units, expected, limit_out):
 
 COOPERATIVE = Rule(
     "cooperative", "limited units keep what they find, the others make up for it", answer_exact,
-    cooperative_law, caps=Caps.DELIVERED, colour="#8e0055", marker="p",
+    cooperative_law, caps=Caps.DELIVERED, promise="exact", colour="#8e0055", marker="p",
 )  # fmt: skip
 RULES.register("cooperative", COOPERATIVE)

@@ -61,7 +61,7 @@ def greedy_law(units, expected, limit_out):
 
 GREEDY = Rule(
     "greedy", "the reference: rear caps bound at the next unit's cap (JP5484215 par. 0041, 0049)",
-    law=greedy_law, colour="#d55e00", marker="s",
+    law=greedy_law, promise="reference", colour="#d55e00", marker="s",
 )  # fmt: skip
 RULES.register("greedy", GREEDY)
 

@@ -69,9 +69,6 @@ def lowest(values):
     return smallest
 
 
-# A rule's problem: adhesion caps along the train, the plan, and the other bounds of the limits.
-
-
 Floats = NDArray[np.float64]
 
 _ADVICE = {
@@ -256,9 +253,6 @@ def _coefficients(name: str, values: ArrayLike, n: int | None) -> Floats:
     return _frozen(array)
 
 
-# A rule's answer: the limits, and what they deliver.
-
-
 CASE_NONE, CASE_A, CASE_B = 0, 1, 2
 CASES = ("none", "A", "B")
 """Name of each case by its number: no slip; the plan out of reach; within reach."""
@@ -267,7 +261,10 @@ CASES = ("none", "A", "B")
 @displayed
 @dataclass(frozen=True, eq=False)
 class Allocation:
-    """Limits of the tangential force coefficients, one per unit, and how the rule determined them."""
+    """Limits of the tangential force coefficients, one per unit, and how the rule determined them.
+
+    Raises `AllocationError` for a case that is none.
+    """
 
     limit: Floats
     """Limit of each unit, (n,), read-only."""
@@ -281,6 +278,9 @@ class Allocation:
     """"ok", which a rule with a solver states only for a certified optimum, or what happened instead."""
     solve_time: float = 0.0
     """Wall time that the rule took [s]."""
+
+    def __post_init__(self) -> None:
+        AllocationError.check_choice("allocation", "case", self.case, CASES)
 
     def effort(self, problem: AllocationProblem) -> float:
         """Mean limit weighted with mass: what the train would deliver if every unit reached its limit."""
@@ -303,7 +303,12 @@ def allocation(
     solve_time: float,
     status: str = "ok",
 ) -> Allocation:
-    """The answer with `limit` to `problem`; shortfalls within rounding count as none."""
+    """The answer with `limit` to `problem`; shortfalls within rounding count as none.
+
+    `case`: place in `CASES`. Raises `AllocationError` where there is not one limit per unit.
+    """
+    if limit.shape != (problem.n,):
+        raise AllocationError(f"limit has shape {limit.shape}, must be ({problem.n},) as cap has")
     shortfall = problem.expected - float(np.dot(problem.weight, limit) / problem.weight.sum())
     unmet = shortfall if shortfall > ROUNDING * problem.expected else 0.0
     limit.flags.writeable = False

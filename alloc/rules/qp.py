@@ -52,7 +52,7 @@ ONE_AT_A_TIME = threading.Lock()
 parameters of cvxpy and Python's filters of warnings belong to the whole process too."""
 
 
-class Workspace:
+class OsqpProblem:
     """OSQP's problem for n units, for use by one thread at a time."""
 
     def __init__(self, n: int) -> None:
@@ -101,7 +101,7 @@ class Workspace:
         return result.x / self.root, result.y[1:] / self.root, status
 
 
-workspace = lru_cache(maxsize=256)(Workspace)
+workspace = lru_cache(maxsize=256)(OsqpProblem)
 """The workspace for n units, set up on first use."""
 
 
@@ -122,7 +122,7 @@ def scaled(problem: AllocationProblem) -> tuple[Floats, Floats, Floats, float]:
 
 
 QP = Rule(
-    "qp", "quadratic program: least deviation from the plan (OSQP)", answer_qp, colour="#e38eff", marker="X"
+    "qp", "quadratic program: least deviation from the plan (OSQP)", answer_qp, promise="exact", colour="#e38eff", marker="X"
 )  # fmt: skip
 RULES.register("qp", QP)
 
@@ -190,7 +190,7 @@ def answer_qp_cvxpy(problem: AllocationProblem) -> Allocation:
 
 QP_CVXPY = Rule(
     "qp-cvxpy", "the same program stated in cvxpy: readable reference, slow", answer_qp_cvxpy,
-    colour="#1c00ff", marker="<",
+    promise="exact", colour="#1c00ff", marker="<",
 )  # fmt: skip
 RULES.register("qp-cvxpy", QP_CVXPY)
 
@@ -248,7 +248,7 @@ def answer_robust(problem: AllocationProblem, probability: float = PROBABILITY) 
 
 QP_ROBUST = Rule(
     "qp-robust", "qp with caps that hold with a probability of 0.9", answer_robust,
-    colour="#00c68e", marker=">",
+    promise="exact", colour="#00c68e", marker=">",
 )  # fmt: skip
 RULES.register("qp-robust", QP_ROBUST)
 

@@ -5,7 +5,7 @@ A rule is an answer to a problem, with two choices beside it: when it is asked (
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -78,6 +78,12 @@ TRIGGERS = {
 """Triggers that go with caps; a rule with others is refused."""
 
 
+PROMISES = ("exact", "reference", "heuristic")
+"""What a rule may promise, see `alloc.rules.testing`; each includes those behind it. Exact: the optimum. Reference: where
+caps grow along the train and bound the units alone, an answer as near to the plan as the reference rule's. Heuristic: what
+every rule keeps; for one, that it asks for no more than the plan where it goes beyond caps."""
+
+
 class Units(NamedTuple):
     """What a compiled law reads of the units, float64 (n,) each and unchecked, as in `AllocationProblem`."""
 
@@ -114,6 +120,8 @@ class Rule:
     """When it is asked."""
     caps: Caps = Caps.FRONT
     """What it is given as each unit's cap."""
+    promise: str = "heuristic"
+    """How good its answers are, one of `PROMISES`; its tests follow from it."""
     onboard: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """Settings of the equipment that belong to the rule, whatever the event says: values by the path of their fields in
     `alloc.onboard.parameters.Onboard`, as "detector.pole"."""
@@ -129,12 +137,17 @@ class Rule:
                 raise AllocationError(
                     f"rule {self.name!r}: {name} = {getattr(self, name)!r} must be one of {choices}"
                 )
+        AllocationError.check_choice(f"rule {self.name!r}", "promise", self.promise, PROMISES)
         able = TRIGGERS[self.caps]
         if self.trigger not in able:
             names = " or ".join(one.name for one in able)
             raise AllocationError(
                 f"rule {self.name!r}: trigger {self.trigger.name} does not go with caps {self.caps.name}; choose {names}"
             )
+
+    def promising(self, promise: str) -> "Rule":
+        """The same rule with another promise."""
+        return replace(self, promise=promise)
 
     @property
     def needs_truth(self) -> bool:
@@ -186,9 +199,6 @@ RULES: Registry[Rule] = Registry(
 
 find_rule = RULES.find
 """The rule of a name; raises `AllocationError` with the nearest name for one that does not exist."""
-
-
-# No redistribution: every unit works alone.
 
 
 @jit

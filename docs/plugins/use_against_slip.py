@@ -1,7 +1,6 @@
 """A figure of one's own: what rules use of the adhesion against how long their wheels slip."""
 
-from paper_figs.registry import figure
-from paper_figs.source import comparison
+from paper_figs.drawing import comparison, figure
 from paper_figs.style import COLUMN, new_panels
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from studies.brake_force.beliefs import AS_PLANT, BELIEFS, Misbelief
 from studies.brake_force.faulty_car import (
     USUAL,
+    AllocatedStop,
     Fault,
-    Stop,
     allocated_stops,
     commuter_train,
     driven_stops,
@@ -97,7 +97,7 @@ def budget_dry_rows(
     return rows
 
 
-def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
+def _accusations(stops: Sequence[AllocatedStop], faulty: int | None) -> Row:
     """Shares of the measurements in which the faulty car is found, is the first named, and others are accused."""
     said = []
     threshold, error = [], []

@@ -75,7 +75,7 @@ class Fault:
     motors: bool = False
 
 
-class Stop(NamedTuple):
+class AllocatedStop(NamedTuple):
     """A measured stop and what was allocated in it, within the window of comparison."""
 
     run: xr.Dataset
@@ -127,7 +127,7 @@ def allocated_stops(
     draws: int = 1,
     level: float = SLIPPERY,
     slides: int | None = None,
-) -> list[Stop]:
+) -> list[AllocatedStop]:
     """One stop under the train's computers and the reference rule on slippery rails, measured `draws` times.
 
     `seed` draws loads and rail, and with the number of the measurement the sensor errors. `level`: coefficient under the
@@ -169,7 +169,7 @@ def allocated_stops(
 
 def driven_stops(
     car: int, missing: float, seed: int, draws: int = 1, belief: Misbelief | None = None
-) -> list[Stop]:
+) -> list[AllocatedStop]:
     """One stop on dry rails in which the shoes of `car` give less by the share `missing`, measured `draws` times.
 
     Every car brakes by air alone. Sound shoes scatter by `SHARE_SCATTER`; `seed` draws that and the loads, and with the
@@ -216,7 +216,7 @@ def _measured(
     draws: int,
     decrement: Floats,
     belief: Misbelief | None = None,
-) -> list[Stop]:
+) -> list[AllocatedStop]:
     """Measure a run so many times; what is allocated, `decrement` [m/s2] per car, follows the mass as weighed."""
     exact = record(run, train, SYSTEM)
     true = SYSTEM.sampled(run, rail_brake_forces(run))
@@ -228,5 +228,5 @@ def _measured(
         window = (m.time >= COMMANDED_AT + SETTLED) & (m.speed >= SLOWEST)
         allocated = np.broadcast_to(decrement * m.bare_mass, estimated.shape)
         sliding = sliding_cars(m.axle_speed, _car_of_axle(train), SYSTEM.period)
-        stops.append(Stop(run, m, window, allocated, estimated, true, sliding))
+        stops.append(AllocatedStop(run, m, window, allocated, estimated, true, sliding))
     return stops

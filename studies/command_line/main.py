@@ -11,6 +11,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from studies.command_line.analyse import analyse
+from studies.command_line.check import check
 from studies.command_line.cite import cite
 from studies.command_line.compare import compare
 from studies.command_line.export_controller import export_controller
@@ -39,7 +40,7 @@ app = App(
     suppress_keyboard_interrupt=False,  # `interruption.ends` says what it leaves behind
 )
 for command in (
-    compare, simulate, run_line, sweep, merge, figures, analyse, cite, export_controller, new_scenario, schema,
+    compare, simulate, run_line, sweep, merge, figures, analyse, check, cite, export_controller, new_scenario, schema,
 ):  # fmt: skip
     app.command(command)
 app.command(list_names, name="list")

@@ -31,7 +31,7 @@ REFERENCE = "alone"
 
 @displayed
 @dataclass(frozen=True)
-class Line:
+class SummaryLine:
     """One scenario under one rule and one controller, over all its seeds."""
 
     scenario: str
@@ -92,7 +92,7 @@ def plus_minus(mean: Interval, factor: float, digits: int) -> str:
     return f" ±{above}" if above == below else f" +{above}/-{below}"
 
 
-def summarise(table: pd.DataFrame) -> list[Line]:
+def summarise(table: pd.DataFrame) -> list[SummaryLine]:
     """Lines in the table's own order of scenario, rule, controller."""
     names = [name for name in METRICS if name in table]
     numbers = table[names].to_numpy(dtype=float)
@@ -115,7 +115,7 @@ def summarise(table: pd.DataFrame) -> list[Line]:
         other = {seeds[k]: numbers[k] for k in good.get((scenario, REFERENCE, controller), [])}
         pairs = [numbers[k] - other[seeds[k]] for k in good[cell] if seeds[k] in other]
         lines.append(
-            Line(
+            SummaryLine(
                 *cell,
                 len(mine),
                 len(bad) - degraded,
@@ -145,7 +145,7 @@ def _differences(names: Sequence[str], pairs: Floats) -> dict[str, Interval]:
     return found
 
 
-def to_json(lines: list[Line], about: dict[str, Any]) -> str:
+def to_json(lines: list[SummaryLine], about: dict[str, Any]) -> str:
     """The same lines with every metric; nan becomes null. `about` says what the comparison was."""
     content = {
         "about": about,

@@ -8,7 +8,7 @@ from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
 
-from studies.comparison.summary import NO_MEAN, REFERENCE, RULE_CALL_TIME, Line, plus_minus
+from studies.comparison.summary import NO_MEAN, REFERENCE, RULE_CALL_TIME, SummaryLine, plus_minus
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ EDGES = 2
 """Spaces at the table's ends."""
 
 
-def tables(lines: Sequence[Line], titles: dict[str, str], width: int) -> list[Group]:
+def tables(lines: Sequence[SummaryLine], titles: dict[str, str], width: int) -> list[Group]:
     """Title, rich table and notes, one group per scenario, at most `width` characters wide where that can be had.
 
     Columns that apply to none of a scenario's lines are left out; what is left out for want of width is named below.
@@ -79,12 +79,12 @@ def tables(lines: Sequence[Line], titles: dict[str, str], width: int) -> list[Gr
     return groups
 
 
-def _pairs(line: Line) -> int:
+def _pairs(line: SummaryLine) -> int:
     """Seeds over which a line is paired with the reference rule."""
     return max((mean.count for mean in line.differences.values()), default=0)
 
 
-def _differences(lines: list[Line], width: int) -> Group:
+def _differences(lines: list[SummaryLine], width: int) -> Group:
     """What each rule does more than the reference under the same controller."""
     table = Table(box=SIMPLE_HEAD, padding=(0, GAP - 1, 0, 0), pad_edge=False)
     for heading in ("rule", "controller"):
@@ -98,7 +98,7 @@ def _differences(lines: list[Line], width: int) -> Group:
     return Group(f"less {REFERENCE}, paired over {counted} seeds, ± 95 %:", table)
 
 
-def _signed(line: Line, column: Column) -> str:
+def _signed(line: SummaryLine, column: Column) -> str:
     mean = line.differences.get(column.metric, NO_MEAN)
     if mean.count == 0:
         return "–"
@@ -106,7 +106,7 @@ def _signed(line: Line, column: Column) -> str:
     return text + plus_minus(mean, column.factor, column.digits)
 
 
-def _table(lines: list[Line], title: str, width: int) -> Group:
+def _table(lines: list[SummaryLine], title: str, width: int) -> Group:
     columns = [column for column in COLUMNS if any(tells(line, column) for line in lines)]
     names = _names(lines)
     cells = {column: [_cell(line, column) for line in lines] for column in columns}
@@ -133,7 +133,7 @@ def _table(lines: list[Line], title: str, width: int) -> Group:
     return Group(headline, table, *_notes(lines, left_out))
 
 
-def _names(lines: list[Line]) -> list[tuple[str, str]]:
+def _names(lines: list[SummaryLine]) -> list[tuple[str, str]]:
     """Rule and controller of each line; the rule is not repeated where one follows another."""
     rules = [line.rule for line in lines]
     first = [k == 0 or rule != rules[k - 1] for k, rule in enumerate(rules)]
@@ -142,21 +142,21 @@ def _names(lines: list[Line]) -> list[tuple[str, str]]:
     ]
 
 
-def applies(line: Line, column: Column) -> bool:
+def applies(line: SummaryLine, column: Column) -> bool:
     """Whether a line has a number for a column."""
     mean = line.metrics.get(column.metric, NO_MEAN)
     # a built-in controller solves nothing: zero time says that there is nothing to say
     return mean.count > 0 and not (column.metric == "controller_median" and mean.value == 0.0)
 
 
-def tells(line: Line, column: Column) -> bool:
+def tells(line: SummaryLine, column: Column) -> bool:
     """Whether it has one that says something: not a count of faults of which there were none."""
     return applies(line, column) and not (
         column.counts and line.metrics[column.metric].value == 0.0
     )
 
 
-def _cell(line: Line, column: Column) -> str:
+def _cell(line: SummaryLine, column: Column) -> str:
     if line.left_out == line.seeds:
         return f"[red]{_fault(line)}[/red]" if column is COLUMNS[0] else "–"
     if not applies(line, column):
@@ -166,13 +166,13 @@ def _cell(line: Line, column: Column) -> str:
     return text + plus_minus(mean, column.factor, column.digits)
 
 
-def _failures(line: Line) -> str:
+def _failures(line: SummaryLine) -> str:
     names = ("rule_failures", "controller_failures")
     values = [line.metrics.get(name, NO_MEAN).value for name in names]
     return "–" if line.left_out == line.seeds else f"{sum(v for v in values if v == v):.0f}"
 
 
-def _fault(line: Line) -> str:
+def _fault(line: SummaryLine) -> str:
     return "failed" if line.failed else "degraded"
 
 
@@ -184,12 +184,12 @@ def _width(heading: str, cells: Sequence[str]) -> int:
     return max(len(text) for text in texts)
 
 
-def _left_out(line: Line) -> str:
+def _left_out(line: SummaryLine) -> str:
     counts = ((line.failed, "failed"), (line.degraded, "degraded"))
     return ", ".join(f"{count} of {line.seeds} runs {word}" for count, word in counts if count)
 
 
-def _notes(lines: list[Line], left_out: Sequence[str]) -> list[str]:
+def _notes(lines: list[SummaryLine], left_out: Sequence[str]) -> list[str]:
     notes = [
         f"[red]{escape(line.rule)}, {escape(line.controller)}: {_left_out(line)}: "
         f"{escape(line.reasons[0])}[/red]"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from alloc.sources import cache_folder, library_versions, private, syntax_hash
+from alloc.sources import cache_folder, code_hash, private
 
 MARK = ".done"
 """Ending of the file that says that a program has been run here."""
@@ -44,7 +44,7 @@ def alone_at_first(programs: Sequence[str]) -> Iterator[None]:
 @lru_cache(maxsize=256)
 def _place(program: str) -> Path | None:
     """Where lock and mark of a program lie, by its code and by where its kernels lie; None where they cannot."""
-    code = f"{syntax_hash(program, later=False)} {library_versions()} {cache_folder()}"
+    code = f"{code_hash(program, later=False)} {cache_folder()}"
     user = f"readhesion-{getattr(os, 'getuid', int)()}"
     try:
         folder = private(Path(tempfile.gettempdir()) / user / "first-work")

@@ -1,25 +1,24 @@
 """Trial of rules, controllers and metrics of one's own: a faulty one is refused before anything is run."""
 
-import json
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
-from dataclasses import replace
-from numbers import Real
+from difflib import get_close_matches
 from typing import Any, TypeVar
 
 import numpy as np
 
 from alloc.metrics import METRICS
-from alloc.onboard.host import HostedController, TellingController, TorqueDecision, UnitSense
-from alloc.onboard.telegrams import AddedNumbers, Attachment
-from alloc.recording import attributes_of
+from alloc.onboard.host import HostedController
+from alloc.plant.adhesion import CURVES
 from alloc.registry import Registry
-from alloc.rules import RULES, Allocation, AllocationProblem, Rule
+from alloc.rules import RULES, AllocationProblem, Rule
+from alloc.rules.testing import Unusable, usable
 from alloc.simulation import CONTROLLERS, simulate
 from alloc.sources import PACKAGES
+from alloc.testing import tried
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 
@@ -51,8 +50,7 @@ def try_parts(rules: Iterable[str], controllers: Iterable[str] = ()) -> None:
 
 
 def _try_rule(name: str) -> None:
-    cap = np.linspace(0.1, 0.2, UNITS)
-    problem = AllocationProblem(cap=cap, expected=0.16)
+    problem = AllocationProblem(cap=np.linspace(0.1, 0.2, UNITS), expected=0.16)
     if not is_own(RULES, name):
         try:
             RULES.find(name)(problem)
@@ -65,16 +63,7 @@ def _try_rule(name: str) -> None:
             RULES, name, f"is a {type(rule).__name__}; register Rule(name, sentence, function)"
         )
     _check_colour(RULES, name)
-    answer = called(RULES, name, lambda: rule(problem))
-    if not isinstance(answer, Allocation):
-        raise _fault(
-            RULES, name,
-            f"returns {_said(answer)}; return allocation(problem, limit, level, case, solve_time)",
-        )  # fmt: skip
-    if np.shape(answer.limit) != (UNITS,) or not np.isfinite(answer.limit).all():
-        raise _fault(
-            RULES, name, f"sets limits {answer.limit} for {UNITS} units; set one finite limit each"
-        )
+    called(RULES, name, lambda: usable(rule, problem))
 
 
 def _try_controller(name: str) -> None:
@@ -86,62 +75,7 @@ def _try_controller(name: str) -> None:
             f"is a {kind}; register HostedController(name, meaning, each_unit(class), colour, marker)",
         )  # fmt: skip
     _check_colour(CONTROLLERS, name)
-    checked = replace(found, factory=lambda contexts: _checked(found.factory(contexts), name))
-    run = called(CONTROLLERS, name, lambda: simulate(_event(), "alone", checked))
-    told = attributes_of(run)
-    if 0 < told["controller_calls"] == told["controller_failures"]:
-        reason = ", ".join(json.loads(told["messages"])).replace("controller: ", "")
-        wanted = f"gives no usable torque in a trial run ({reason}); return a finite torque in N m"
-        raise _fault(CONTROLLERS, name, wanted)
-
-
-def _checked(host: Any, name: str) -> Any:
-    """A train's controller in Python whose answers are looked at; a compiled one has been looked at by its compiler."""
-    if isinstance(host, tuple):
-        return host
-    if not hasattr(host, "decide"):
-        raise _fault(
-            CONTROLLERS, name, f"makes a {type(host).__name__} without decide(); define it"
-        )
-    return (_LookedAtTelling if isinstance(host, TellingController) else _LookedAt)(host, name)
-
-
-class _LookedAt:
-    """A controller whose every answer is checked; a `TrainController`."""
-
-    def __init__(self, host: Any, name: str) -> None:
-        self.host, self.name = host, name
-
-    def decide(self, senses: Sequence[UnitSense]) -> Sequence[TorqueDecision]:
-        """Answers of the controller; raises `StudyError` for one that is no decision."""
-        answers: Sequence[TorqueDecision] = self.host.decide(senses)
-        if not isinstance(answers, Sequence) or len(answers) != len(senses):
-            wanted = f"{len(senses)} units; return a list with one answer each"
-            raise _fault(CONTROLLERS, self.name, f"returns {_said(answers)} for {wanted}")
-        for answer in answers:
-            if not isinstance(answer, TorqueDecision):
-                wanted = "return TorqueDecision(torque, ok, status, solve_time)"
-                raise _fault(CONTROLLERS, self.name, f"returns {_said(answer)}; {wanted}")
-            if not isinstance(answer.torque, Real):
-                wanted = "give one number in N m"
-                raise _fault(
-                    CONTROLLERS, self.name, f"sets torque {_said(answer.torque)}; {wanted}"
-                )
-        return answers
-
-
-class _LookedAtTelling(_LookedAt):
-    """The same of a controller whose units tell each other more; a `TellingController`."""
-
-    @property
-    def added(self) -> AddedNumbers:
-        """What its units tell."""
-        added: AddedNumbers = self.host.added
-        return added
-
-    def connect(self, reports: Attachment, orders: Attachment) -> None:
-        """Hand the arrays on."""
-        self.host.connect(reports, orders)
+    called(CONTROLLERS, name, lambda: tried(found, _event()))
 
 
 def _check_colour(registry: Registry[Any], name: str) -> None:
@@ -173,6 +107,8 @@ def called(registry: Registry[Any], name: str, call: Callable[[], Found]) -> Fou
             return call()
     except StudyError:
         raise
+    except Unusable as error:
+        raise _fault(registry, name, str(error)) from None
     except (Exception, SystemExit) as error:
         frames = traceback.extract_tb(error.__traceback__)
         lines = [frame.lineno for frame in frames if frame.filename == file]
@@ -190,7 +126,14 @@ def _file(registry: Registry[Any], name: str) -> str:
     return str(getattr(sys.modules.get(module), "__file__", module))
 
 
-def _said(value: Any) -> str:
-    """A value as a message shows it."""
-    text = " ".join(repr(value).split())
-    return f"{text if len(text) < 60 else text[:60] + ' ...'} ({type(value).__name__})"
+def registry_of(name: str) -> Registry[Any]:
+    """The registry of rules, controllers or curves that has a part of this name; raises `StudyError` if none has."""
+    kinds: tuple[Registry[Any], ...] = (RULES, CONTROLLERS, CURVES)
+    for registry in kinds:
+        if name in registry:
+            return registry
+    near = get_close_matches(name, [one for registry in kinds for one in registry], 1, 0.4)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise StudyError(
+        f"no rule, controller or adhesion curve is called {name!r}; {hint}`readhesion list` has the names"
+    )

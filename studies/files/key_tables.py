@@ -9,7 +9,7 @@ from studies.files.json_schema import Schema
 
 
 @dataclass(frozen=True)
-class Key:
+class FileKey:
     """A key as the schema describes it."""
 
     name: str
@@ -62,7 +62,7 @@ class Table:
     """A table of a file; one with a choice of kinds is there once for each."""
 
     about: str
-    keys: tuple[Key, ...]
+    keys: tuple[FileKey, ...]
     kinds: tuple[str, ...] = ()
     """Values of the key `kind` with which it has these keys."""
 
@@ -123,14 +123,14 @@ def kind_of(said: Schema) -> str:
     return words.get(said.get("type", ""), said.get("type", "").replace("object", "tables by name"))
 
 
-def _keys(schema: Schema) -> Iterator[Key]:
+def _keys(schema: Schema) -> Iterator[FileKey]:
     required = schema.get("required", ())
     for name, said in schema.get("properties", {}).items():
-        yield Key(name, said, name in required)
+        yield FileKey(name, said, name in required)
 
 
-def _like(table: Table, keys: tuple[Key, ...]) -> bool:
-    def without_kind(some: tuple[Key, ...]) -> list[tuple[str, Schema]]:
+def _like(table: Table, keys: tuple[FileKey, ...]) -> bool:
+    def without_kind(some: tuple[FileKey, ...]) -> list[tuple[str, Schema]]:
         return [(key.name, key.said) for key in some if key.name != "kind"]
 
     return without_kind(table.keys) == without_kind(keys)

@@ -10,7 +10,7 @@ NEVER = 1_000_000_000
 """N_min of arms that keep their belief; they collect data all the same, and own slips cap units under them too."""
 
 
-class Arm(NamedTuple):
+class LearningArm(NamedTuple):
     """How a train learns and allocates."""
 
     learner: Literal["none", "truth", "running-mean", "gaussian"]
@@ -25,14 +25,14 @@ class Arm(NamedTuple):
         return IncrementLearning(self.learner, self.reference)
 
 
-ARMS: dict[str, Arm] = {
-    "no learning": Arm("none"),
-    "truth": Arm("truth"),
-    "truth, held": Arm("truth", reference="held"),
-    "running mean": Arm("running-mean"),
-    "running mean, held": Arm("running-mean", reference="held"),
-    "Gaussian": Arm("gaussian", reference="held"),
-    "Gaussian, robust": Arm("gaussian", rule="qp-robust", reference="held"),
+ARMS: dict[str, LearningArm] = {
+    "no learning": LearningArm("none"),
+    "truth": LearningArm("truth"),
+    "truth, held": LearningArm("truth", reference="held"),
+    "running mean": LearningArm("running-mean"),
+    "running mean, held": LearningArm("running-mean", reference="held"),
+    "Gaussian": LearningArm("gaussian", reference="held"),
+    "Gaussian, robust": LearningArm("gaussian", rule="qp-robust", reference="held"),
 }
 """Arms by name: "no learning" keeps the stored values, "truth" has the true ones; "truth, held" runs in the same way and
 collects other data. "running mean" is the patent's learning with the patent's data. "held" uses the leader's estimate at

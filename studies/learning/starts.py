@@ -52,7 +52,7 @@ STORED: dict[str, float] = {"too low": 0.0, "too high": 2.0}
 """Increments stored at first, as a multiple of the true ones."""
 
 
-class Case(NamedTuple):
+class StartCase(NamedTuple):
     """What differs from the rule of the patent on a train in which everything works."""
 
     trigger: Literal["slip", "limited"] = "slip"
@@ -64,11 +64,11 @@ class Case(NamedTuple):
     """Instant of every start at which the leader's motors fail [s]."""
 
 
-CASES: dict[str, Case] = {
-    "sound": Case(),
-    "telegrams lost": Case(loss=0.2),
-    "leader fails": Case(fails=5.0),
-    "on reports": Case(trigger="limited"),
+CASES: dict[str, StartCase] = {
+    "sound": StartCase(),
+    "telegrams lost": StartCase(loss=0.2),
+    "leader fails": StartCase(fails=5.0),
+    "on reports": StartCase(trigger="limited"),
 }
 """Cases by name. The leader fails when units have slipped a few times, and another one leads for the rest of the start."""
 

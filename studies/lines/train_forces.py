@@ -55,7 +55,7 @@ class TrainForces:
         (units,)
         """
         table = self._drive if share >= 0.0 else self._brake
-        place = limit_place(max(speed, 0.0), 1.0 / EFFORT_SPEED_STEP, self._speeds.size - 1.000001)
+        place = limit_place(max(speed, 0.0), 1.0 / EFFORT_SPEED_STEP, self._speeds.size)
         return np.asarray(share * look_up(table.T, place))
 
     def resistance(self, position: float, speed: float) -> float:

@@ -143,7 +143,7 @@ def _rates(axle, lanes, time, x, v, omega, torque, command):
     inverse = 1.0 / axle.inertia
     _, turning = wheelset(axle.gear * torque, force, r, omega, spread(0.0), axle.inertia, inverse)
     drag = car_drag(v, a[0], a[1], a[2], 1.0, 0.0)
-    place = limit_place(r * omega, 1.0 / EFFORT_SPEED_STEP, axle.drive_table.size - 1.000001)
+    place = limit_place(r * omega, 1.0 / EFFORT_SPEED_STEP, axle.drive_table.size)
     bound = look_up(axle.drive_table, place)
     rising = motor_torque_rate(torque, command, bound, bound, 1.0, axle.inverse_lag)
     return (force - drag) / axle.mass, turning, rising
@@ -228,7 +228,7 @@ def _lanes(rails: Sequence[Rail], tables: Sequence[TorqueTable], period: float) 
     return Lanes(
         np.stack([rails[k].axle_laws(1)[:, 0] for k in some], axis=1),
         patch,
-        np.array([tables[k].constants(period) for k in some]).T.copy(),
+        np.array([tables[k].settings(period) for k in some]).T.copy(),
     )
 
 

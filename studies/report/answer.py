@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from statistics import fmean
 
 from alloc.rules import RULES
-from studies.comparison.summary import REFERENCE, Line
+from studies.comparison.summary import REFERENCE, SummaryLine
 from studies.headroom.statements import BOUND, WORTH_SHARING
 
 GAIN = "effort_ratio"
@@ -39,7 +39,7 @@ class Standing:
     """Whether the rule knows what nobody on board can know."""
 
 
-def sign_of(line: Line, metric: str, fixed: Collection[str]) -> int | None:
+def sign_of(line: SummaryLine, metric: str, fixed: Collection[str]) -> int | None:
     """Whether a metric differs from `REFERENCE`: -1, 0 (the same) or 1; None where it is not decided.
 
     `fixed`: scenarios in which nothing is drawn, so that one run says all.
@@ -55,9 +55,9 @@ def sign_of(line: Line, metric: str, fixed: Collection[str]) -> int | None:
     return way if mean.low > 0.0 or mean.high < 0.0 else None
 
 
-def standings(lines: Sequence[Line], fixed: Collection[str]) -> list[Standing]:
+def standings(lines: Sequence[SummaryLine], fixed: Collection[str]) -> list[Standing]:
     """Every rule but `REFERENCE` under every controller; per controller the one that gains most comes first."""
-    groups: dict[tuple[str, str], list[Line]] = {}
+    groups: dict[tuple[str, str], list[SummaryLine]] = {}
     for line in lines:
         if line.rule != REFERENCE and GAIN in line.differences:
             groups.setdefault((line.controller, line.rule), []).append(line)
@@ -67,7 +67,7 @@ def standings(lines: Sequence[Line], fixed: Collection[str]) -> list[Standing]:
     return sorted(found, key=lambda one: (controllers.index(one.controller), -one.gain))
 
 
-def _standing(lines: Sequence[Line], fixed: Collection[str]) -> Standing:
+def _standing(lines: Sequence[SummaryLine], fixed: Collection[str]) -> Standing:
     signs = [sign_of(line, GAIN, fixed) for line in lines]
     rule = lines[0].rule
     return Standing(
@@ -78,14 +78,14 @@ def _standing(lines: Sequence[Line], fixed: Collection[str]) -> Standing:
     )  # fmt: skip
 
 
-def _mean(lines: Sequence[Line], metric: str) -> float:
+def _mean(lines: Sequence[SummaryLine], metric: str) -> float:
     """Mean over events of a metric's difference."""
     values = [line.differences[metric].value for line in lines if metric in line.differences]
     known = [value for value in values if not math.isnan(value)]
     return fmean(known) if known else math.nan
 
 
-def sentences(lines: Sequence[Line], found: Sequence[Standing]) -> list[str]:
+def sentences(lines: Sequence[SummaryLine], found: Sequence[Standing]) -> list[str]:
     """The answer in a few sentences, the most important first."""
     best: dict[str, Standing] = {}
     for one in found:
@@ -147,7 +147,7 @@ def _signed(value: float) -> str:
     return f"{round(value, 1) + 0.0:+.1f}"
 
 
-def _room(lines: Sequence[Line], best: Standing) -> list[str]:
+def _room(lines: Sequence[SummaryLine], best: Standing) -> list[str]:
     """In how many events there is something to share, and what the best rule gains there and elsewhere."""
     room: dict[str, float] = {}
     for rule in (
@@ -177,7 +177,7 @@ def _room(lines: Sequence[Line], best: Standing) -> list[str]:
     return [f"{text}; {best.rule} gains {', '.join(told)}."]
 
 
-def _controllers(lines: Sequence[Line]) -> list[str]:
+def _controllers(lines: Sequence[SummaryLine]) -> list[str]:
     """What the controllers reach under the reference rule, over the events that all of them have run."""
     own = [line for line in lines if line.rule == REFERENCE and line.metrics[GAIN].count > 0]
     reached: dict[str, dict[str, float]] = {}

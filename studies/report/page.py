@@ -13,7 +13,7 @@ import pandas as pd
 from alloc.onboard.host import CONTROLLERS
 from alloc.rules import RULES
 from studies.comparison.grid import Grid
-from studies.comparison.summary import REFERENCE, Line, summarise
+from studies.comparison.summary import REFERENCE, SummaryLine, summarise
 from studies.files.study_error import StudyError
 from studies.report import origin
 from studies.report.answer import sentences, standings
@@ -147,7 +147,7 @@ def _rules(grid: Grid) -> Mapping[str, Mapping[str, Any]]:
     }  # fmt: skip
 
 
-def _label(line: Line, seed: int) -> str:
+def _label(line: SummaryLine, seed: int) -> str:
     return f"{line.scenario}/{line.rule}/{line.controller}/{seed}"
 
 

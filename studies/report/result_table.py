@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from alloc.metrics import METRICS
-from studies.comparison.summary import NO_MEAN, RULE_CALL_TIME, Line, plus_minus
+from studies.comparison.summary import NO_MEAN, RULE_CALL_TIME, SummaryLine, plus_minus
 from studies.comparison.table import COLUMNS, Column, applies, tells
 from studies.core.statement import Interval
 
@@ -43,7 +43,7 @@ class TableCell:
 class TableRow:
     """A line of the comparison."""
 
-    line: Line
+    line: SummaryLine
     status: str
     """What became of runs that do not count; empty where all count."""
     values: tuple[TableCell, ...]
@@ -53,7 +53,7 @@ class TableRow:
 NO_CELL = TableCell(None, "–")
 
 
-def shown_columns(lines: Sequence[Line]) -> list[Column]:
+def shown_columns(lines: Sequence[SummaryLine]) -> list[Column]:
     """Columns that apply to any line."""
     return [column for column in COLUMNS if any(tells(line, column) for line in lines)]
 
@@ -73,7 +73,7 @@ def _heading(column: Column) -> Heading:
     return Heading(column.metric, text, unit, found.description, WAYS[found.better], extra)
 
 
-def table_rows(lines: Sequence[Line], columns: Sequence[Column]) -> list[TableRow]:
+def table_rows(lines: Sequence[SummaryLine], columns: Sequence[Column]) -> list[TableRow]:
     """The rows, in the order of `lines`."""
     return [
         TableRow(
@@ -85,13 +85,13 @@ def table_rows(lines: Sequence[Line], columns: Sequence[Column]) -> list[TableRo
     ]  # fmt: skip
 
 
-def status_of(line: Line) -> str:
+def status_of(line: SummaryLine) -> str:
     """What became of a line's runs, in words; empty where all count."""
     counts = ((line.failed, "failed"), (line.degraded, "degraded"))
     return ", ".join(f"{count} of {line.seeds} {word}" for count, word in counts if count)
 
 
-def _value(line: Line, column: Column) -> TableCell:
+def _value(line: SummaryLine, column: Column) -> TableCell:
     if not applies(line, column):
         return NO_CELL
     mean = line.metrics[column.metric]
@@ -99,7 +99,7 @@ def _value(line: Line, column: Column) -> TableCell:
     return TableCell(mean.value, text + plus_minus(mean, column.factor, column.digits))
 
 
-def _difference(line: Line, column: Column) -> TableCell:
+def _difference(line: SummaryLine, column: Column) -> TableCell:
     mean = line.differences.get(column.metric, NO_MEAN)
     if mean.count == 0 or not math.isfinite(mean.value):
         return NO_CELL

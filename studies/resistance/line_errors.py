@@ -37,8 +37,7 @@ class LineErrors:
 
     def __post_init__(self) -> None:
         names = [item.name for item in fields(self)]
-        OnboardError.check("line errors", self, nonnegative=names)
-        OnboardError.check_finite("line errors", self, names)
+        OnboardError.check("line errors", self, nonnegative=names, infinite=())
 
     @property
     def counts_wheels(self) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from studies.files.json_schema import Schema
-from studies.files.key_tables import Key, Table, in_toml, kind_of, tables_of
+from studies.files.key_tables import FileKey, Table, in_toml, kind_of, tables_of
 from studies.scenario.file_kinds import schema_of_kind
 
 WIDTH = 100
@@ -56,7 +56,7 @@ class _Writer:
             kinds, key=lambda one: chosen not in (*one.kinds, "" if not one.kinds else None)
         )
 
-    def _inner(self, key: Key, given: Mapping[str, Any] | None, path: str) -> Iterator[str]:
+    def _inner(self, key: FileKey, given: Mapping[str, Any] | None, path: str) -> Iterator[str]:
         inside = (given or {}).get(key.name)
         header = f"[[{path}]]" if key.several else f"[{path}]"
         yield ""
@@ -79,7 +79,7 @@ class _Writer:
                 yield from (f"{name} = {in_toml(value)}" for name, value in one.items())
 
 
-def _plain_key(key: Key, given: Mapping[str, Any] | None) -> Iterator[str]:
+def _plain_key(key: FileKey, given: Mapping[str, Any] | None) -> Iterator[str]:
     yield from _remark(_about(key))
     if given is not None and key.name in given:
         yield f"{key.name} = {in_toml(given[key.name])}"
@@ -87,7 +87,7 @@ def _plain_key(key: Key, given: Mapping[str, Any] | None) -> Iterator[str]:
         yield f"#{key.name} = {key.default or ''}".rstrip()
 
 
-def _about(key: Key) -> str:
+def _about(key: FileKey) -> str:
     unit = f" [{key.unit}]" if key.unit not in ("", "1") else ""
     choice = f" One of {kind_of(key.said)}." if "enum" in key.said else ""
     left_out = f" Left out: {key.left_out}" if key.left_out else ""

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pydantic import BaseModel
 
 from studies.files.json_schema import Schema, schema_of
-from studies.files.key_tables import Key, Table, kind_of, tables_of
+from studies.files.key_tables import FileKey, Table, kind_of, tables_of
 from studies.scenario.line_file import LineFileKeys
 from studies.scenario.scenario import Scenario
 from studies.scenario.train_file import TrainKeys
@@ -81,7 +81,7 @@ def _section(table: Table, places: list[str]) -> Iterator[str]:
     yield ""
 
 
-def _default(key: Key) -> str:
+def _default(key: FileKey) -> str:
     if key.required:
         return "required"
     if key.default is not None and key.default != "[]":

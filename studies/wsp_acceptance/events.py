@@ -82,13 +82,13 @@ def rail_of(curve: str, levels: Levels, train: Train) -> Rail:
     return Rail(friction[0], patches=patches, curve=law)
 
 
-class Stop(NamedTuple):
+class SpecifiedStop(NamedTuple):
     """Specification of a stop, and the perfect stop from the same speed."""
 
     event: Event
     perfect: PerfectStop
 
-    def under(self, reference: ReferenceSpeed) -> "Stop":
+    def under(self, reference: ReferenceSpeed) -> "SpecifiedStop":
         """The same stop with another reference speed of the train's computers."""
         onboard = replace(self.event.onboard, reference=reference)
         return self._replace(event=replace(self.event, onboard=onboard))
@@ -103,7 +103,7 @@ def stop_of(
     protection: SlideProtection = PROTECTION,
     duration: float | None = None,
     rolling: float = ROLLING,
-) -> Stop:
+) -> SpecifiedStop:
     """Full braking with air alone from `speed` [m/s] to a stand on a rail of adhesion `mu`.
 
     `grade`: rise per run. `duration` [s]: where none is given, long enough for a train that uses `USED_LEAST` of the
@@ -135,7 +135,7 @@ def stop_of(
         record_period=CYCLE,
         target_speed=0.0,
     )
-    return Stop(event, best)
+    return SpecifiedStop(event, best)
 
 
 def event_name(curve: str, mu: Levels, grade: float = 0.0) -> str:

@@ -10,7 +10,7 @@ from alloc.event import Event
 from alloc.metrics.registry import record_period, series
 from alloc.metrics.use import LOCK_SPEED, STANDING_SPEED, air_consumption, damage, locked_time
 from alloc.simulation import simulate
-from studies.wsp_acceptance.events import Stop
+from studies.wsp_acceptance.events import SpecifiedStop
 from studies.wsp_acceptance.perfect_stop import adhesion_share, energy_offered
 
 STANDSTILL = 0.05
@@ -39,7 +39,7 @@ def longest_lock(run: xr.Dataset) -> float:
     return longest * record_period(run)
 
 
-def measured(run: xr.Dataset, asked: Stop) -> dict[str, Any]:
+def measured(run: xr.Dataset, asked: SpecifiedStop) -> dict[str, Any]:
     """Measures of the stop that was `asked` for, from its command to the stand, or to the end if it never stood.
 
     The train rolls before its command.

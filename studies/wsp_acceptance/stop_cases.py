@@ -18,7 +18,7 @@ from studies.wsp_acceptance.events import (
     CURVES,
     ROLLING,
     Levels,
-    Stop,
+    SpecifiedStop,
     air_braked,
     gripping,
     rail_of,
@@ -69,7 +69,7 @@ class StopCase:
         """Level at the begin of the stop."""
         return self.levels if isinstance(self.levels, (int, float)) else self.levels[0][1]
 
-    def stop(self) -> Stop:
+    def stop(self) -> SpecifiedStop:
         """The stop under the estimated reference speed."""
         return stop_of(
             gripping(self.train, self.friction_factor), self.curve, self.levels, self.speed, self.grade,

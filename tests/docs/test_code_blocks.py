@@ -11,7 +11,7 @@ import pytest
 from alloc.metrics import METRICS
 from alloc.rules import RULES
 from alloc.simulation import CONTROLLERS
-from paper_figs.registry import FIGURES
+from paper_figs.drawing import FIGURES
 from studies.command_line.main import app, run
 from studies.core.collection import all_studies
 from studies.files.strict import parse
@@ -38,6 +38,7 @@ OTHER_PROGRAMS = ("dask ", "srun ")
 """Beginnings of lines that no test here understands: they need a cluster."""
 RUN = {
     "list",
+    "check greedy",
     "cite wet-patch --rule greedy --controller mpc",
     "simulate wet-patch --rule cooperative --controller perturb-observe --figure event.png",
     "compare --scenario wet-patch --rules alone cooperative --controllers perturb-observe --seeds 3",

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from alloc.rules import RULES
-from paper_figs.registry import FIGURES
+from paper_figs.drawing import FIGURES
 from studies.core.plugins import VARIABLE
 from tests.docs.pages import PAGES, ROOT, blocks
 
@@ -63,7 +63,7 @@ def test_a_figure_shows_in_a_notebook_without_pyplot():
     interactive = pytest.importorskip(
         "IPython.core.interactiveshell", reason="IPython: pip install 'readhesion[docs]'"
     )
-    from paper_figs.in_notebook import show_figures
+    from paper_figs.style import show_figures
 
     shell = interactive.InteractiveShell.instance()
     try:

@@ -1,18 +1,13 @@
 """The functions that Numba executes are the ones that CasADi differentiated."""
 
-import os
-import threading
-
 import casadi as cs
 import numpy as np
 import pytest
 
-from alloc.sources import sealed
 from mpc.generated import (
     TranslationError,
     compile_functions,
     compiled_model,
-    create,
     source,
     symbolic_functions,
 )
@@ -59,33 +54,3 @@ def test_translation_of_every_selection():
         y = np.empty(outputs.numel())
         compiled(np.array(point), y)
         np.testing.assert_allclose(y, np.asarray(function(point)).ravel(), rtol=1e-12)
-
-
-def test_writers_at_once_leave_one_whole_file(tmp_path):
-    target, barrier = tmp_path / "file.txt", threading.Barrier(2)
-    whole = sealed(b"first half, second half")
-
-    def write(aside):
-        with aside.open("w") as file:
-            file.write("first half, ")
-            barrier.wait(10.0)  # both are in the middle of it
-            assert not target.exists() or target.read_bytes() == whole
-            file.write("second half")
-
-    threads = [threading.Thread(target=create, args=(target, write)) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert target.read_bytes() == whole
-    assert os.listdir(tmp_path) == ["file.txt"]
-
-
-def test_a_writer_that_fails_leaves_nothing(tmp_path):
-    def write(aside):
-        aside.write_text("half")
-        raise OSError("disk full")
-
-    with pytest.raises(OSError, match="disk full"):
-        create(tmp_path / "file.txt", write)
-    assert os.listdir(tmp_path) == []

@@ -120,7 +120,7 @@ def test_a_train_begins_with_what_it_has_learnt_else_with_what_it_believes():
         ({"first": 0}, "first = 0 must be a whole number, 1 or greater"),
         ({"further": 2.5}, r"further = 2.5 must be a whole number"),
         ({"noise": 0.0}, "noise = 0.0 must be"),
-        ({"noise": float("inf")}, "noise = inf must be finite"),
+        ({"noise": float("inf")}, "noise = inf must be a finite number"),
         ({"stored": -1.0}, "stored = -1.0 must be"),
         ({"deviation": float("nan")}, "deviation = nan must be"),
         ({"drift": -1e-9}, "drift = -1e-09 must be"),

@@ -1,7 +1,6 @@
 """The detector of position and speed: laws of its odometer, its stations and its delay."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,9 +19,7 @@ def ride(detector, start=0.0, seconds=60.0, creep=(0.0, 0.0)):
     position = start + 10.0 * time + 0.1 * time**2
     detection = Detection(detector, PERIOD)
     found = [
-        detection.read(
-            SimpleNamespace(time=t, position=x, speed=v, wheel_speed=v * (1.0 + np.array(creep)))
-        )
+        detection.read(t, x, v, v * (1.0 + np.array(creep)))
         for t, x, v in zip(time.tolist(), position.tolist(), speed.tolist(), strict=True)
     ]
     return position, speed, *np.array(found).T

@@ -6,7 +6,6 @@ picture changes where the drawing changes and not where a run does. `python -m p
 """
 
 import io
-from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
@@ -14,11 +13,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from alloc.estimation.increments import SYNTHETIC_TABLE, read_slide_counts
-from paper_figs.registry import FIGURES
+from paper_figs.drawing import FIGURES
 from paper_figs.style import STYLE_FILE
-from studies.slides.jp4209318 import CALIBRATED
-from tests.studies.acceptance_tables import acceptance_table
 from tests.studies.blended_tables import blended_table
 from tests.studies.brake_tables import brake_table
 from tests.studies.comparison_tables import comparison_table
@@ -26,7 +22,7 @@ from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.mismatch_tables import mismatch_table
-from tests.studies.readhesion_tables import calibration_table, sweep_table
+from tests.studies.readhesion_tables import sweep_table
 from tests.studies.sander_tables import sander_table
 from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
@@ -40,16 +36,14 @@ def learning_table() -> pd.DataFrame:
 
 
 TABLES = {
-    "allocation-bars": (), "rule-comparison": (comparison_table,), "utilisation-damage": (comparison_table,),
+    "allocation-bars": (), "rule-comparison": (comparison_table,),
     "ladder": (ladder_table,), "curves": (curve_table,), "headroom": (headroom_table,), "mismatch": (mismatch_table,),
     "differences": (difference_table,), "brake-cut-out": (brake_table,), "learning": (learning_table,),
-    **{f"claim-{one}": (lambda: claim_table(60),) for one in ("a", "b", "c", "d", "e", "verdicts", "verdicts-search")},
-    "adhesion-curve": (), "planned-curves": (), "open-rails": (), "unit-increments": (), "torque-table": (),
-    "adhesion-drop": (), "axle-shifts": (lambda: read_slide_counts(SYNTHETIC_TABLE),),
-    "slide-adhesion": (lambda: (CALIBRATED, replace(CALIBRATED, front_adhesion=0.1)),),
-    **dict.fromkeys(("slide-tables", "slide-pareto", "slide-electric"), (slide_table,)),
-    **dict.fromkeys(("margin-sweep", "width-sweep"), (sweep_table,)), "calibration": (calibration_table,),
-    "wsp-acceptance": (acceptance_table,), "blended": (blended_table,), "sanders": (sander_table,),
+    **dict.fromkeys(("claim-verdicts", "claim-verdicts-search"), (lambda: claim_table(60),)),
+    "adhesion-curve": (), "open-rails": (),
+    **dict.fromkeys(("slide-pareto", "slide-electric"), (slide_table,)),
+    **dict.fromkeys(("margin-sweep", "width-sweep"), (sweep_table,)),
+    "blended": (blended_table,), "sanders": (sander_table,),
 }  # fmt: skip
 """Figures that have a picture, and what makes their tables."""
 

@@ -7,43 +7,27 @@ from tempfile import TemporaryDirectory
 
 from matplotlib.figure import Figure
 
-from alloc.onboard.parameters import Detector
 from alloc.plant.train import Coupler
-from paper_figs.brake_force import (
-    FAULT,
-    brake_all_cars,
-    brake_emergency,
-    brake_locomotive_only,
-    faulty_car,
-)
-from paper_figs.comparison import (
-    rule_comparison,
-    rule_comparison_ride,
-    utilisation_damage,
-)
-from paper_figs.events import blended_braking, sharing_wanders, slip_detection, slip_event
-from paper_figs.line_position import late_passages, line_position
-from paper_figs.lines import real_line
+from paper_figs.brakes import FAULT, faulty_car, member_runs, slide_control
+from paper_figs.drawing import Source
+from paper_figs.events import sharing_wanders, slip_event
+from paper_figs.lines import late_passages, line_position, real_line
 from paper_figs.logs import measured_log
-from paper_figs.moving import MovingFigure
-from paper_figs.passages import gradient_change, tunnel_mouth
 from paper_figs.readhesion_paper import (
     CASES,
     HALF_SLIP,
     SETS,
     half_slip,
+    limit_cycle,
     readhesion_factor,
     readhesion_slip,
     readhesion_torque,
+    readhesion_trajectory,
 )
-from paper_figs.readhesion_sweeps import limit_cycle
 from paper_figs.replay import slip_replay
-from paper_figs.resistance import air_resistance, resistance_weights
-from paper_figs.slide_runs import member_runs, slide_control
-from paper_figs.source import Source
-from paper_figs.trajectories import readhesion_trajectory
+from paper_figs.rules import rule_comparison
+from paper_figs.saving import MovingFigure
 from studies.brake_force.faulty_car import allocated_stops
-from studies.brake_force.running_tests import run_test
 from studies.comparison.grid import Grid
 from studies.core.job import Job, simulate_job
 from studies.core.runner import run_cells
@@ -55,8 +39,6 @@ from studies.logs.measured_run import MeasuredTrain, analyse_run
 from studies.readhesion_paper.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper.paper import CALIBRATED, RIVAL, run_cases
 from studies.report.replay import drawing
-from studies.resistance.driven_cases import CONTROLS, FEEDBACK, RIGHT, drive_case
-from studies.resistance.learners import convergence
 from studies.scenario.loading import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
@@ -87,12 +69,6 @@ def source() -> Source:
 def runs():
     scenario = load_scenario("very-low-adhesion").changed(duration_s=3.0)
     return [simulate_job(Job(scenario, rule, "cut-and-ramp", 0)) for rule in ("alone", "exact")]
-
-
-@cache
-def stop():
-    scenario = load_scenario("wet-stop").changed(duration_s=6.0)
-    return simulate_job(Job(scenario, "greedy", "cut-and-ramp", 0))
 
 
 @cache
@@ -127,16 +103,6 @@ def line_run():
     return run_line(EXAMPLE_PATH, example_stock())
 
 
-@cache
-def passages():
-    """Two cases under both speed controls on a short route."""
-    return {
-        (control, case): drive_case(short_route(), case, control)
-        for control in CONTROLS
-        for case in (FEEDBACK, RIGHT)
-    }
-
-
 def a_train():
     """What the train of `runs` is drawn from."""
     return drawing(load_scenario("very-low-adhesion").event().model)
@@ -153,11 +119,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "slip-event": lambda: slip_event(*runs()),
     "slip-replay": lambda: few_instants(slip_replay(a_train(), runs()[1])),
     "rule-comparison": lambda: rule_comparison(source().table),
-    "rule-comparison-ride": lambda: rule_comparison_ride(source().table),
-    "utilisation-damage": lambda: utilisation_damage(source().table),
-    "blended-braking": lambda: blended_braking(stop()),
     "sharing-wanders": lambda: sharing_wanders(*runs()),
-    "slip-detection": lambda: slip_detection(runs()[0], Detector()),
     "readhesion-slip": lambda: readhesion_slip(*cases()),
     "readhesion-torque": lambda: readhesion_torque(*cases()),
     "readhesion-factor": lambda: readhesion_factor(*cases()),
@@ -169,20 +131,13 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     ),
     "real-line": lambda: real_line(line_run()),
     "measured-log": lambda: measured_log(*logged()),
-    "brake-locomotive-only": lambda: brake_locomotive_only(run_test("locomotive", 0)),
-    "brake-all-cars": lambda: brake_all_cars(run_test("all", 0)),
-    "brake-emergency": lambda: brake_emergency(run_test("emergency", 0)),
     "faulty-car": lambda: faulty_car(
         allocated_stops(FAULT, 0),
         brake_table()[lambda t: t["part"] == "driven"],
     ),
-    "air-resistance": lambda: air_resistance(short_route()),
-    "tunnel-mouth": lambda: tunnel_mouth(short_route(), passages()),
-    "gradient-change": lambda: gradient_change(short_route(), passages()),
     "line-position": lambda: line_position(
         short_route(), late_passages(short_route()), position_table()
     ),
-    "resistance-weights": lambda: resistance_weights(convergence(short_route(), 1)),
     "slide-control": lambda: slide_control(
         brake(brake_event(DEMONSTRATION)), member_runs((DEMONSTRATION, OTHER))
     ),

@@ -6,9 +6,18 @@ import pytest
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from paper_figs.adhesion_use import SHOWN_UNITS, draw_use, shown_units, use_of_units
-from paper_figs.axle_maps import MOST_COLUMNS, MOST_NAMES, SLIP_SHADES, axle_map, name_units
-from paper_figs.events import slip_event
+from paper_figs.events import (
+    MOST_COLUMNS,
+    MOST_NAMES,
+    SHOWN_UNITS,
+    SLIP_SHADES,
+    axle_map,
+    draw_use,
+    name_units,
+    shown_units,
+    slip_event,
+    use_of_units,
+)
 from paper_figs.style import COLUMN, STYLE_FILE
 from tests.paper_figs.text_boxes import cut_off, overlapping, words_of
 

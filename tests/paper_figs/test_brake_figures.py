@@ -1,59 +1,16 @@
-"""Figures of the running tests show what was measured, estimated and true."""
+"""Figures of brake force show what was measured and estimated, and who is accused."""
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from paper_figs.brake_force import (
-    ACCUSED,
-    FAULT,
-    brake_cut_out,
-    brake_emergency,
-    brake_locomotive_only,
-    faulty_car,
-)
-from paper_figs.registry import FIGURES
-from paper_figs.source import Source
+from paper_figs.brakes import ACCUSED, FAULT, brake_cut_out, faulty_car
+from paper_figs.drawing import FIGURES, Source
 from studies.brake_force.faulty_car import allocated_stops
-from studies.brake_force.running_tests import BRAKED_AT, estimate, run_test, smooth
 from studies.brake_force.statements import CUT_OUT
 from studies.core.store import Store
 from studies.core.study import Study
 from tests.studies.brake_tables import brake_table
-
-
-def test_a_running_test_is_shown_as_it_was_measured():
-    result = run_test("locomotive", 2)
-    m, found = result.measured, estimate(result)
-    speed, _, coupler, force = brake_locomotive_only(result).axes
-    np.testing.assert_allclose(speed.get_lines()[0].get_xdata(), m.time - BRAKED_AT)
-    np.testing.assert_allclose(coupler.get_lines()[0].get_ydata(), m.coupler_force[:, 0] / 1e3)
-    wagons, locomotive, *true = (np.asarray(line.get_ydata()) for line in force.get_lines())
-    np.testing.assert_allclose(wagons, found.wagons / 1e3)
-    np.testing.assert_allclose(locomotive, found.locomotive / 1e3)
-    np.testing.assert_allclose(true[1], result.true_force[:, 0] / 1e3)
-
-
-def test_the_emergency_brake_is_held_against_the_truth():
-    result = run_test("all", 2)  # six cars are drawn as eighteen are, and sooner run
-    found, smoothed = estimate(result), smooth(result)
-    panels = np.reshape(brake_emergency(result).axes, (4, 2))
-    true = result.true_force[:, 1:].sum(axis=1), result.true_force[:, 1]
-    for axes, truth, theory in zip(panels[0], true, (5 * found.theory, found.theory), strict=True):
-        lines = {line.get_label(): np.asarray(line.get_ydata()) for line in axes.get_lines()}
-        np.testing.assert_allclose(lines["truth"], truth / 1e3)
-        np.testing.assert_allclose(lines["theory"], theory / 1e3)
-    estimates = (
-        (found.wagons, found.wagon),
-        (found.wagons_own, found.wagon),
-        (smoothed.total(slice(1, None))[0], smoothed.force[:, 1]),
-    )
-    for row, forces in zip(panels[1:], estimates, strict=True):
-        for axes, force, truth in zip(row, forces, true, strict=True):
-            error = (force - truth) / 1e3
-            np.testing.assert_allclose(axes.get_lines()[1].get_ydata(), error)
-            size = np.sqrt(np.mean(error[result.window] ** 2))
-            assert axes.get_title(loc="left").endswith(f"{size:.3g} kN rms")
 
 
 def test_the_line_is_that_of_the_means_and_each_day_is_off_it_by_what_is_drawn():

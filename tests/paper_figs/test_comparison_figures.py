@@ -1,30 +1,20 @@
-"""Figures of a comparison: paired differences, the better side tinted, and no mark on another."""
+"""The figure of a comparison: paired differences, the better side tinted."""
 
-from itertools import combinations
-
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from matplotlib.colors import to_hex
 
 from alloc.onboard.host import CONTROLLERS
-from paper_figs.apart import apart
-from paper_figs.comparison import NO_PAIRS, rule_comparison
 from paper_figs.drawn_data import drawn_data
-from paper_figs.palette import BETTER
+from paper_figs.rules import NO_PAIRS, rule_comparison
+from paper_figs.style import BETTER
 from studies.comparison.summary import REFERENCE, summarise
 from tests.studies.comparison_tables import comparison_table
 
 
 def test_the_comparison_shows_the_paired_differences_of_the_table(drawn, source):
     lines = summarise(source.table)
-    for name, metric, place in (
-        ("rule-comparison", "damage", 1),
-        ("rule-comparison-ride", "bound_use", 0),
-    ):
-        data = drawn_data(drawn[name])
+    data = drawn_data(drawn["rule-comparison"])
+    for place, metric in enumerate(("effort_ratio", "damage")):
         panels = list(dict.fromkeys(data["panel"]))[2 * place : 2 * place + 2]
         shown = data[data["panel"].isin(panels) & data["kind"].isin(["mean", "point"])]
         factor = 1.0 if metric == "damage" else 100.0
@@ -65,15 +55,3 @@ def test_any_number_of_controllers_is_drawn(count):
     drawn = rule_comparison(comparison_table(tuple(names)))
     shown = [axes.get_title("center") for axes in drawn.axes if axes.get_visible()]
     assert sorted(shown) == sorted(2 * names)
-
-
-@settings(max_examples=30, deadline=None)
-@given(
-    arrays(np.float64, st.tuples(st.integers(1, 33), st.just(2)), elements=st.floats(0.0, 40.0)),
-    st.floats(1.0, 6.0),
-)
-def test_marks_moved_apart_do_not_cover_each_other_and_stay_near(places, least):
-    moved = apart(places, least)
-    gaps = [np.linalg.norm(one - other) for one, other in combinations(moved, 2)]
-    assert min(gaps, default=least) >= 0.9 * least
-    assert np.abs(moved - places).max() <= least * len(places)

@@ -14,11 +14,10 @@ from alloc.onboard.host import CONTROLLERS
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.rules import RULES
 from paper_figs.adhesion import PEAK
-from paper_figs.allocation import HIGH, LOW, SHOWN, allocate, caps
-from paper_figs.drawing import draw_comparison, draw_one, draw_run, save_figure
+from paper_figs.drawing import FIGURES, draw_comparison, draw_one, draw_run, save_figure
 from paper_figs.events import slip_event
-from paper_figs.moving import MovingFigure
-from paper_figs.registry import FIGURES
+from paper_figs.rules import HIGH, LOW, SHOWN, allocate, caps
+from paper_figs.saving import MovingFigure
 from paper_figs.style import CONTROLLER_FILL, rule_colour
 from studies.core.job import Job, simulate_job
 from studies.files.study_error import StudyError
@@ -55,7 +54,7 @@ def test_a_share_in_percent_is_a_hundred_times_the_metric_and_all_else_the_metri
                     share = any("%" in word or "points" in word for word in words)
                     assert one.factor == (100.0 if share else 1.0), (name, one)
                     found += 1
-    assert found > 50
+    assert found > 45
 
 
 @pytest.mark.parametrize("name", ["adhesion-curve", "slip-event", "slip-replay"])
@@ -79,16 +78,16 @@ def test_every_rule_and_controller_has_a_look_of_its_own():
 
 
 def test_a_rule_has_the_same_colour_in_every_figure(drawn, source):
-    every = list(dict.fromkeys(source.table["rule"]))
-    for name, rules in (("rule-comparison", every[1:]), ("utilisation-damage", every)):
-        shown = {to_hex(line.get_color()) for axes in drawn[name].axes for line in lines_of(axes)}
-        assert {rule_colour(rule) for rule in rules} <= shown
-        (legend,) = drawn[name].legends
-        of_label = {
-            text.get_text(): to_hex(handle.get_color())
-            for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
-        }
-        assert {rule: of_label[rule] for rule in rules} == {r: rule_colour(r) for r in rules}
+    rules = list(dict.fromkeys(source.table["rule"]))[1:]
+    compared = drawn["rule-comparison"]
+    shown = {to_hex(line.get_color()) for axes in compared.axes for line in lines_of(axes)}
+    assert {rule_colour(rule) for rule in rules} <= shown
+    (legend,) = compared.legends
+    of_label = {
+        text.get_text(): to_hex(handle.get_color())
+        for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
+    }
+    assert of_label == {rule: rule_colour(rule) for rule in rules}
     columns = drawn["allocation-bars"].axes[: len(SHOWN)]
     for rule, axes in zip(SHOWN, columns, strict=True):
         assert axes.get_title().startswith(f"{rule}\n")
@@ -133,6 +132,10 @@ def test_the_log_is_drawn_with_its_gap_and_what_was_found(drawn, logged):
     (rings,) = (line for line in slips.get_lines() if line.get_marker() == "o")
     assert sorted(rings.get_ydata()) == sorted(event.axle + 1 for event in found.events)
     assert coefficients.get_images()[0].get_array().shape[0] == log.train.radius.size
+    drawn["measured-log"].draw_without_rendering()
+    for one in (slips, coefficients, forces):  # the scale of each stands beside it
+        scale = one.get_images()[0].colorbar.ax.get_position()
+        assert scale.y0 == pytest.approx(one.get_position().y0, abs=0.01)
     force = forces.get_images()[0].get_array()
     assert force.max() == pytest.approx(1e-3 * np.nanmax(found.car_force))
     bars = next(one for one in axes if one.get_xlabel() == "Q [kJ]").containers[0]

@@ -1,27 +1,24 @@
-"""Figures of the readhesion paper show its runs, its sweep and its calibration."""
+"""Figures of the readhesion paper show its runs and its sweep."""
 
 import numpy as np
 import pytest
 
+from paper_figs.drawing import FIGURES, Source
 from paper_figs.readhesion_paper import (
-    CASES,
     case_runs,
+    margin_sweep,
     on_coefficient_scale,
     readhesion_slip,
     readhesion_torque,
-    torque_table,
+    readhesion_trajectory,
+    width_sweep,
 )
-from paper_figs.readhesion_sweeps import FEW_EVENTS, calibration, margin_sweep, width_sweep
-from paper_figs.registry import FIGURES
-from paper_figs.source import Source
-from paper_figs.trajectories import readhesion_trajectory
 from studies.core.store import Store
 from studies.core.study import Study
-from studies.readhesion_paper.calibration import RANGES, best, members
 from studies.readhesion_paper.paper import DROP, RECOVERY
 from studies.readhesion_paper.study import MOST_MEMBERS
 from tests.paper_figs import small_figures
-from tests.studies.readhesion_tables import calibration_table, limit_of, sweep_table
+from tests.studies.readhesion_tables import limit_of, sweep_table
 
 
 @pytest.fixture(scope="module")
@@ -68,16 +65,6 @@ def test_trajectories_end_before_the_rail_recovers(both):
             np.testing.assert_array_equal(torque, on_coefficient_scale(runs, lane)[shown])
 
 
-def test_the_table_falls_from_its_margin_over_its_width_in_either_unit():
-    for axes, scale in zip(torque_table().axes, (1.0, 3.6), strict=True):
-        for line, case in zip(axes.get_lines(), CASES.values(), strict=True):
-            deviation, factor = data(line)
-            margin, width = scale * case.margin, scale * case.width
-            assert (factor[deviation <= margin] == 1.0).all()
-            assert (factor[deviation >= margin + width + 1e-9] == 0.0).all()
-            assert (np.diff(factor) <= 0.0).all()
-
-
 @pytest.mark.parametrize(("figure", "over"), [(margin_sweep, "margin"), (width_sweep, "width")])
 def test_a_sweep_shows_what_readheres_in_both_units(figure, over):
     for axes in figure(sweep_table()).axes[:2]:
@@ -101,30 +88,17 @@ def test_a_sweep_shows_between_which_limits_the_members_lie():
     assert all(np.ptp(mu) == pytest.approx(0.009) for mu, _ in right if mu.size)
 
 
-def test_the_calibration_marks_the_best_set_and_the_range_of_each_unit():
-    table = calibration_table()
-    good = members(table, "km/h/s")
-    for axes, name in zip(calibration(table).axes, RANGES, strict=True):
-        star = next(line for line in axes.get_lines() if line.get_label() == "best")
-        assert data(star)[0] == [best(table)[name]]
-        bar = axes.get_lines()[-1]  # nothing meets as much in the other unit
-        np.testing.assert_allclose(data(bar)[0], np.percentile(good[name], (5.0, 95.0)))
-
-
 def test_data_come_from_the_sweeps_of_the_results(tmp_path, monkeypatch):
     source, asked = Source(Store(tmp_path), jobs=2), []
 
     def run(self, folder, events, seed, jobs, on_row):
         asked.append((folder.name, events, seed, jobs))
-        return sweep_table() if folder.name == "readhesion" else calibration_table()
+        return sweep_table()
 
     monkeypatch.setattr(Study, "run", run)
-    for name in ("margin-sweep", "width-sweep", "calibration"):
+    for name in ("margin-sweep", "width-sweep"):
         assert len(FIGURES[name].make(source).axes) >= 3
-    assert asked == [("readhesion", MOST_MEMBERS, 0, 2)] * 2 + [("calibration", FEW_EVENTS, 0, 2)]
-    monkeypatch.setattr(Study, "held", lambda self, folder: 500)
-    FIGURES["calibration"].make(source)
-    assert asked[3:] == [("calibration", 500, 0, 2)]
+    assert asked == [("readhesion", MOST_MEMBERS, 0, 2)] * 2
 
 
 def test_runs_are_made_once(monkeypatch):

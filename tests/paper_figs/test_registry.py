@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 import studies.core.gallery as loader
-from paper_figs.registry import FIGURES, figure
-from paper_figs.source import Source, comparison, made
+from paper_figs.drawing import FIGURES, Source, comparison, figure, made
 from paper_figs.style import COLUMN, new_panels
 from studies.core.gallery import GROUP, Gallery, gallery
 from studies.core.plugins import VARIABLE, use_plugins
@@ -17,8 +16,8 @@ from studies.files.study_error import StudyError
 
 PYPROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
 PLUGIN = """
-from paper_figs.registry import figure
-from paper_figs.source import made
+from paper_figs.drawing import figure
+from paper_figs.drawing import made
 from paper_figs.style import COLUMN, new_panels
 
 
@@ -92,7 +91,7 @@ def test_a_need_is_a_function():
 
 
 def test_a_name_belongs_to_one_module():
-    with pytest.raises(StudyError, match=r"'ladder' exists already, from paper_figs\.ladder"):
+    with pytest.raises(StudyError, match=r"'ladder' exists already, from paper_figs\.controllers"):
         figure("ladder", "another ladder")(lambda: None)
 
 

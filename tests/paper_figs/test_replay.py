@@ -8,7 +8,6 @@ import pytest
 import xarray as xr
 from PIL import Image
 
-from paper_figs.origin import Origin
 from paper_figs.replay import (
     INSTANTS,
     event_of,
@@ -17,7 +16,7 @@ from paper_figs.replay import (
     slip_replay,
     with_slip_since,
 )
-from paper_figs.saving import Legend, data_of, save_image
+from paper_figs.saving import Legend, Origin, data_of, save_image
 from paper_figs.style import STYLE_FILE
 from studies.report.replay import drawing
 from studies.scenario.loading import load_scenario

@@ -11,12 +11,19 @@ import pytest
 from PIL import Image
 
 import studies.core.gallery as loader
-from paper_figs.drawing import draw_comparison, draw_one, save_figure
+from paper_figs.drawing import (
+    FIGURES,
+    NOTHING,
+    Source,
+    draw_comparison,
+    draw_one,
+    of_comparison,
+    of_study,
+    save_figure,
+    say_where_nothing_is_drawn,
+)
 from paper_figs.drawn_data import drawn_data
-from paper_figs.marks import NOTHING, say_where_nothing_is_drawn
-from paper_figs.origin import Origin, of_comparison, of_study
-from paper_figs.registry import FIGURES
-from paper_figs.source import Source
+from paper_figs.saving import Origin
 from paper_figs.style import COLUMN, PAGE, STYLE_FILE, Width, new_figure, new_panels, rule_look
 from studies.command_line.figures import figures
 from studies.core.collection import find_study
@@ -130,17 +137,15 @@ def test_a_comparison_names_the_command_as_it_was_given(tmp_path):
     # an event that leaves nothing to the seed is complete with one
     assert not of_comparison(table, ASKED._replace(whole=True)).draft
     draw_comparison(table, Store(tmp_path), tmp_path, ASKED)
-    for name in ("rule-comparison", "utilisation-damage"):
-        assert f"in full: {ASKED.command}\n" in (tmp_path / f"{name}.txt").read_text()
+    assert f"in full: {ASKED.command}\n" in (tmp_path / "rule-comparison.txt").read_text()
 
 
 @pytest.mark.parametrize("events", [1, 2, 3])
-@pytest.mark.parametrize("name", ["rule-comparison", "utilisation-damage"])
-def test_few_events_as_a_draft_cover_nothing(events, name, tmp_path):
+def test_few_events_as_a_draft_cover_nothing(events, tmp_path):
     """Its legend stands between the panels and the line of the draft, however few panels there are."""
     table = comparison_table(seeds=2)
     table = table[table["scenario"].isin(SCENARIOS[:events])]
-    drawn = FIGURES[name].make(Source(Store(tmp_path), table, asked=ASKED))
+    drawn = FIGURES["rule-comparison"].make(Source(Store(tmp_path), table, asked=ASKED))
     with mpl.rc_context(fname=STYLE_FILE):
         words = words_of(drawn)
     assert any(one.text.startswith("draft: ") for one in words)
@@ -154,11 +159,10 @@ def test_few_events_as_a_draft_cover_nothing(events, name, tmp_path):
 @pytest.mark.parametrize("events", [1, 3])
 def test_one_seed_has_its_numbers_beside_and_no_panel_is_said_to_be_empty(events):
     table = comparison_table(seeds=1)
-    drawn = FIGURES["utilisation-damage"](table[table["scenario"].isin(SCENARIOS[:events])])
+    drawn = FIGURES["rule-comparison"](table[table["scenario"].isin(SCENARIOS[:events])])
     told = csv_of(drawn)
-    assert set(told["series"]) == {
-        f"{rule} under {one}" for rule in RULES for one in ("mpc", "cut-and-ramp")
-    }
+    assert set(told["series"].dropna()) == set(RULES) - {"alone"}
+    assert set(told["kind"]) == {"point", "bound"}  # one seed has no interval
     assert not any(text.get_text() == NOTHING for axes in drawn.axes for text in axes.texts)
 
 

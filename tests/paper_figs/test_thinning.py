@@ -5,9 +5,8 @@ import pytest
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from paper_figs.axle_maps import SLIP_SHADES, axle_map
-from paper_figs.drawn_data import drawn_data
-from paper_figs.thinning import COLUMNS, MOST_CELLS, shown_points
+from paper_figs.drawn_data import DOTS, MOST_CELLS, drawn_data, shown_points
+from paper_figs.events import SLIP_SHADES, axle_map
 
 
 def walk(count, seed):
@@ -20,8 +19,8 @@ def test_each_column_keeps_its_ends_and_its_extremes(seed):
     x, y = walk(50_000, seed)
     shown = shown_points(x, y)
     assert (np.diff(shown) > 0).all()
-    assert shown.size <= 4 * COLUMNS
-    column = np.minimum((x - x[0]) / (x[-1] - x[0]) * COLUMNS, COLUMNS - 1).astype(int)
+    assert shown.size <= 4 * DOTS
+    column = np.minimum((x - x[0]) / (x[-1] - x[0]) * DOTS, DOTS - 1).astype(int)
     for one in np.unique(column):
         every, kept = np.flatnonzero(column == one), shown[column[shown] == one]
         assert {every[0], every[-1]} <= set(kept.tolist())
@@ -34,7 +33,7 @@ def test_what_lasts_one_sample_stays_in_the_table():
     y[[7321, 15_000]] = 5.0, -4.0
     axes.plot(np.arange(y.size), y)
     table = drawn_data(axes.figure)
-    assert len(table) <= 4 * COLUMNS
+    assert len(table) <= 4 * DOTS
     assert table.loc[table["y"] > 0.0, ["x", "y"]].to_numpy().tolist() == [[7321.0, 5.0]]
     assert table.loc[table["y"] < 0.0, ["x", "y"]].to_numpy().tolist() == [[15_000.0, -4.0]]
 
@@ -73,7 +72,7 @@ def test_an_area_with_a_gap_and_a_long_one():
     x, y = walk(30_000, 8)
     axes.fill_between(x, y - 1.0, y + 1.0)
     table = drawn_data(axes.figure)
-    assert len(table) <= 8 * COLUMNS
+    assert len(table) <= 8 * DOTS
     assert (table["y_low"].min(), table["y_high"].max()) == (y.min() - 1.0, y.max() + 1.0)
 
 

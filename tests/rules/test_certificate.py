@@ -136,14 +136,6 @@ def test_a_wrong_active_set_is_refused():
     assert refused > 20
 
 
-def test_answers_do_not_depend_on_the_problems_before():
-    problems = [random_problem(k, largest=8) for k in range(300)]
-    qp.workspace.cache_clear()
-    first = [find_rule("qp")(problem).limit.tolist() for problem in problems]
-    for k in np.random.default_rng(1).permutation(300):
-        assert find_rule("qp")(problems[k]).limit.tolist() == first[k]
-
-
 def test_an_interrupt_during_a_solve_reaches_python(monkeypatch):
     problem = AllocationProblem([0.1, 0.2, 0.3], 0.17)
     find_rule("qp")(problem)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from alloc.errors import AllocationError
 from alloc.rules import AllocationProblem, find_rule
 from alloc.rules.exact import optimality
 
@@ -36,24 +35,6 @@ def test_a_unit_that_is_short_gets_nothing_of_what_lacks():
     # unit 1 delivers 0.1 of its 0.2: lowered by 0.15 of what it lacks; as much is unit 2's
     problem = AllocationProblem([0.3, 0.3], 0.2, previous=[0.2, 0.2], delivered=[0.1, 0.2])
     assert find_rule("sharing")(problem).limit == pytest.approx([0.185, 0.215], rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("fields", "words"),
-    [
-        ({"mass": [1.0, 0.0]}, "greater than 0"),
-        ({"mass": [1.0, -1.0]}, "greater than 0"),
-        ({"limit_max": [1.0, -0.1]}, "0 or greater"),
-        ({"deviation": [0.0]}, "deviation"),
-    ],
-)
-def test_a_field_that_cannot_be_is_named_with_its_bound(fields, words):
-    with pytest.raises(AllocationError, match=words):
-        AllocationProblem([0.2, 0.2], 0.1, **fields)
-    assert AllocationProblem([0.0, 0.2], 0.1, limit_max=[0.0, 1.0]).torque_limit.tolist() == [
-        0.0,
-        1.0,
-    ]
 
 
 @pytest.mark.parametrize("rule", ["greedy", "greedy-claim", "exact"])

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from alloc.rules import AllocationProblem, find_rule
 from alloc.rules.exact import box_limits
 from alloc.rules.rule import Units, units_of
+from alloc.rules.testing import EXPECTED, problems
 from tests.rules import reference_bounded as reference
 from tests.rules.reference import reference_limits
-from tests.rules.strategies import EXPECTED, uneven_problems
 
 PLAN = Fraction(EXPECTED)
 many = settings(max_examples=100)
@@ -48,7 +48,7 @@ def accuracy(problem):
 
 
 @many
-@given(problem=uneven_problems())
+@given(problem=problems())
 def test_preset_is_its_transcription(problem):
     cap, mass, torque_limit, previous, rate = as_fractions(problem)
     limits = reference.preset_limits(mass, torque_limit, PLAN)
@@ -67,7 +67,7 @@ def test_preset_moves_a_tenth_from_the_front_to_the_rear():
 
 
 @many
-@given(problem=uneven_problems())
+@given(problem=problems())
 @example(
     AllocationProblem(
         [0.2, 0.2], EXPECTED, mass=[1.0, 1e3], previous=[0.2, 0.2], delivered=[0.1, 0.2]
@@ -107,7 +107,7 @@ def test_sharing_counts_a_negative_estimate_as_nothing():
 
 
 @many
-@given(problem=uneven_problems())
+@given(problem=problems())
 @example(
     AllocationProblem(
         [0.3] * 3, EXPECTED, mass=[1.0, 30.0, 900.0], previous=[0.3, 0.25, 0.05], rate=0.08
@@ -171,7 +171,7 @@ def test_level_where_even_the_lower_bounds_exceed_the_plan_is_the_least_of_them(
 
 
 @many
-@given(problem=uneven_problems())
+@given(problem=problems())
 @pytest.mark.parametrize(
     ("rule", "reading"), [("greedy", "description"), ("greedy-claim", "claim")]
 )
@@ -189,7 +189,7 @@ def test_the_patents_rule_is_cut_to_torque_limits_and_rates_afterwards(rule, rea
 
 
 @many
-@given(problem=uneven_problems())
+@given(problem=problems())
 def test_alone_is_the_plan_within_torque_limits_and_rates(problem):
     cap, mass, torque_limit, previous, rate = as_fractions(problem)
     lowest, highest = reference.bounds(None, torque_limit, previous, rate)
@@ -199,7 +199,7 @@ def test_alone_is_the_plan_within_torque_limits_and_rates(problem):
 
 
 @many
-@given(problem=uneven_problems())
+@given(problem=problems())
 def test_effort_excess_and_use_are_weighted_with_mass(problem):
     cap, mass, *_ = as_fractions(problem)
     answer = find_rule("alone")(problem)
@@ -212,7 +212,7 @@ def test_effort_excess_and_use_are_weighted_with_mass(problem):
 
 
 @many
-@given(problem=uneven_problems())
+@given(problem=problems())
 def test_bounds_of_the_problem_are_the_transcriptions(problem):
     cap, mass, torque_limit, previous, rate = as_fractions(problem)
     for found, known in ((problem.rate_box, None), (problem.box, cap)):

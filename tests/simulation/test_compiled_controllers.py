@@ -20,7 +20,7 @@ from alloc.onboard.host import (
     each_unit,
 )
 from alloc.onboard.parameters import ReferenceSpeed, Sensors
-from alloc.records import ByReference, address_of, record_at
+from alloc.records import ByReference, address_of, stored_at
 from alloc.simulation import simulate
 
 PATTERN = ("ok", "infeasible", "odd but usable", "not a number", "ok", "ok")
@@ -54,7 +54,7 @@ class Kept(NamedTuple):
     calls: NDArray[np.int64]
 
 
-_kept_at = record_at(ByReference(Kept(0.0, np.zeros(1, np.int64))).kind)
+_kept_at = stored_at(ByReference(Kept(0.0, np.zeros(1, np.int64))).kind)
 
 
 def _step(address, reading, omega, answer):

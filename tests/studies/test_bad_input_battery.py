@@ -633,7 +633,7 @@ def place(tmp_path, monkeypatch):
         raise AssertionError("a run was begun before bad input was refused")
 
     monkeypatch.setattr(ClosedLoop, "run", no_run)
-    for module in ("studies.core.runner", "studies.core.study", "paper_figs.source"):
+    for module in ("studies.core.runner", "studies.core.study", "paper_figs.drawing"):
         monkeypatch.setattr(f"{module}.run_cells", no_run)
     keep_registries(monkeypatch)
     monkeypatch.setenv(VARIABLE, "")

@@ -65,10 +65,9 @@ def test_a_comparison_prints_a_table_and_writes_rows_and_figures(call, small, sh
     told = (tmp_path / "out" / "figures" / "rule-comparison.txt").read_text()
     assert "Status: complete" in told
     assert f"--scenario {shlex.quote(str(short_file))}" in told
-    for name in ("rule-comparison", "utilisation-damage"):
-        stem = tmp_path / "out" / "figures" / name
-        assert stem.with_suffix(".png").read_bytes().startswith(PNG)
-        assert stem.with_suffix(".pdf").read_bytes().startswith(PDF)
+    stem = tmp_path / "out" / "figures" / "rule-comparison"
+    assert stem.with_suffix(".png").read_bytes().startswith(PNG)
+    assert stem.with_suffix(".pdf").read_bytes().startswith(PDF)
 
 
 def test_figures_of_fewer_seeds_are_drafts_and_name_the_command_as_it_was_given(

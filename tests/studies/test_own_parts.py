@@ -10,7 +10,7 @@ from tests.studies.test_plugins import plain  # noqa: F401
 
 RULE = """
 import numpy as np
-from alloc.rules import RULES, Rule
+from alloc.rules import RULES, Allocation, Rule
 from alloc.rules.problem import CASE_A, allocation
 def answer(problem{more}):
     limit = np.clip(np.full(problem.n, problem.expected), *problem.box)
@@ -29,7 +29,7 @@ class Mine:
 CONTROLLERS.register("mine", {part})
 """
 FIGURE = """
-from paper_figs.registry import figure
+from paper_figs.drawing import figure
 @figure("mine", "one of mine")
 def mine():
     {answer}
@@ -61,6 +61,8 @@ FAULTS = {
     "no answer": (rule("pass"), "returns None"),
     "an array": (rule("return limit"), "return allocation("),
     "no number": (rule(GOOD_RULE.replace("limit,", "limit * np.nan,")), "one finite limit each"),
+    "case C": (rule("return Allocation(limit, 0.0, 'C', 0.0)"), "case = 'C' must be one of none, A, B in line 7"),
+    "negative limits": (rule(GOOD_RULE.replace("limit,", "limit - 1.0,")), "none may be negative"),
     "raises": (rule("raise ValueError('no idea')"), "ValueError: no idea in line 7"),
     "ends the program": (rule("raise SystemExit(3)"), "SystemExit: 3"),
     "a function": (rule(part="answer"), "register Rule("),
@@ -119,7 +121,7 @@ def test_of_two_parts_of_one_name_both_files_are_named(tmp_path, capsys):
     ("answer", "words"), [("1 / 0", "ZeroDivisionError: division by zero in line 5"), ("pass", "returns a NoneType")]
 )  # fmt: skip
 def test_a_figure_that_cannot_be_drawn_is_named(answer, words, tmp_path, capsys, monkeypatch):
-    figures = importlib.import_module("paper_figs.registry").FIGURES
+    figures = importlib.import_module("paper_figs.drawing").FIGURES
     list(figures)
     monkeypatch.setattr(figures, "_parts", dict(figures._parts))
     monkeypatch.setattr(figures, "_origins", dict(figures._origins))

@@ -18,7 +18,7 @@ from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS
 from alloc.records import quantity
 from alloc.rules import RULES
-from paper_figs.registry import FIGURES
+from paper_figs.drawing import FIGURES
 from studies.command_line.main import run
 from studies.core.cell import key_of
 from studies.core.job import Job

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from alloc.metrics.use import headroom
-from studies.comparison.summary import REFERENCE, Line
+from studies.comparison.summary import REFERENCE, SummaryLine
 from studies.comparison.table import COLUMNS
 from studies.core.collection import study_folder
 from studies.core.job import simulate_job
@@ -195,7 +195,7 @@ def line(rule, gain, half_width=math.nan, scenario="one", controller="none"):
         if differences
         else {}
     )
-    return Line(scenario, rule, controller, 1, 0, 0, (), metrics, differences)
+    return SummaryLine(scenario, rule, controller, 1, 0, 0, (), metrics, differences)
 
 
 def test_a_difference_is_decided_by_its_interval_or_where_nothing_is_drawn():
@@ -263,7 +263,9 @@ def test_a_difference_is_tinted_by_the_side_that_is_better():
     def tints(value, half_width):
         mean = evenly(value, half_width)
         metrics = {one.metric: mean for one in columns}
-        (row,) = table_rows([Line("one", "exact", "none", 3, 0, 0, (), metrics, metrics)], columns)
+        (row,) = table_rows(
+            [SummaryLine("one", "exact", "none", 3, 0, 0, (), metrics, metrics)], columns
+        )
         return {one.metric: cell.tint for one, cell in zip(columns, row.differences, strict=True)}
 
     assert tints(0.2, 0.1) == {"effort_ratio": "better", "headroom": "other", "slip_time": "worse"}
@@ -277,7 +279,9 @@ def test_texts_of_cells_have_the_heading_s_unit_and_no_minus_zero():
 
     def texts(value, low, high):
         mean = {column.metric: Interval(value, low, high, 3)}
-        (row,) = table_rows([Line("one", "exact", "none", 3, 0, 0, (), mean, mean)], [column])
+        (row,) = table_rows(
+            [SummaryLine("one", "exact", "none", 3, 0, 0, (), mean, mean)], [column]
+        )
         return row.values[0].text, row.differences[0].text
 
     assert texts(0.9123, 0.9, 0.9246) == ("91.2 ±1.2", "+91.23 ±1.23")

@@ -2,20 +2,13 @@
 
 from collections import namedtuple
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from alloc.compilation import equation
 from alloc.display import displayed
 from alloc.records import numbers_of
-
-if TYPE_CHECKING:
-    from alloc.onboard.parameters import Onboard
-
-
-# Base class of the readhesion controllers that are compiled with the loop.
-
 
 Remembered = Mapping[str, Any]
 """What a law stores of every unit, and its value at the start of a run: a number, or nested tuples of numbers."""
@@ -51,8 +44,8 @@ class BuiltInController:
         if missing:
             raise TypeError(f"controller {cls.__name__}: needs {', '.join(missing)}")
 
-    def settings(self, onboard: "Onboard") -> Any:
-        """Numbers that the law takes as `p`: its fields and constants; None if it needs none."""
+    def settings(self, period: float) -> Any:
+        """Numbers that the law takes as `p` at a control `period` [s]: its fields and constants; None if it needs none."""
         return numbers_of(self) or None
 
     @classmethod

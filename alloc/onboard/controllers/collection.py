@@ -5,7 +5,7 @@ In: the units' torque targets. Out: their torque commands. To add one, import it
 
 from collections import namedtuple
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from alloc.compilation import equation, inlined_jit
 from alloc.onboard.controllers.base import BuiltInController
@@ -14,12 +14,6 @@ from alloc.onboard.controllers.cubature import CubatureSeeking
 from alloc.onboard.controllers.particle_swarm import SwarmSlip, SwarmTracking
 from alloc.onboard.controllers.search import FuzzyTracking, PerturbObserve, SteepestGradient
 from alloc.onboard.controllers.simple import CutAndRamp, NoControl, TorqueTable
-
-if TYPE_CHECKING:
-    from alloc.onboard.parameters import Onboard
-
-
-# The readhesion controllers that are built in: to add one, import it here and give it a field.
 
 
 @dataclass(frozen=True)
@@ -62,9 +56,9 @@ LawMemory = namedtuple("LawMemory", _FIELDS)  # type: ignore[misc]
 """Memory of every law, under the controller's field."""
 
 
-def law_settings(onboard: "Onboard") -> LawSettings:
-    """Settings of all laws for one run."""
-    return LawSettings(*(getattr(onboard, name).settings(onboard) for name in _FIELDS))
+def law_settings(controllers: BuiltInControllers, period: float) -> LawSettings:
+    """Settings of all laws for a control `period` [s]."""
+    return LawSettings(*(getattr(controllers, name).settings(period) for name in _FIELDS))
 
 
 def law_memory(units: int) -> LawMemory:

@@ -5,7 +5,7 @@ In: the unit's slip against the reference speed. Out: the coefficient from which
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from alloc.compilation import called, equation
 from alloc.errors import OnboardError
@@ -18,10 +18,6 @@ from alloc.onboard.controllers.base import (
 from alloc.onboard.laws import HOLD, differentiate, differentiator_gain, infer
 from alloc.onboard.reference_speed import is_relieved
 from alloc.records import numbers_of, quantity
-
-if TYPE_CHECKING:
-    from alloc.onboard.parameters import Onboard
-
 
 # What searches for the peak of the adhesion curve share: means over intervals, and a reference that moves.
 
@@ -83,9 +79,6 @@ def move_reference(p, k, j, step, coefficient, slip):
     k.reference[j] = min(max(wanted, p.lowest), p.highest)
     k.last_coefficient[j], k.last_slip[j] = coefficient, slip
     _start_interval(k, j)
-
-
-# Creep control: PI control of the slip velocity; its output is the coefficient from which the torque follows.
 
 
 @equation
@@ -226,6 +219,6 @@ class FuzzyCreep(BuiltInController, remembered={"allowed": math.nan, "slip": mat
         OnboardError.check("fuzzy-creep", self, ("reference", "rate", "pole"))
         OnboardError.check_order("fuzzy-creep", self, "reference", "large")
 
-    def settings(self, onboard: "Onboard") -> Any:
+    def settings(self, period: float) -> Any:
         """Numbers of the law; `gain`: share of the new slip that the differentiator takes per control period."""
-        return numbers_of(self, gain=differentiator_gain(self.pole, onboard.period))
+        return numbers_of(self, gain=differentiator_gain(self.pole, period))

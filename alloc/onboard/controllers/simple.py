@@ -5,7 +5,7 @@ In: the unit's target and what it senses. Out: its torque command and a torque f
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from alloc.compilation import equation
 from alloc.errors import OnboardError
@@ -19,10 +19,6 @@ from alloc.onboard.laws import differentiate, differentiator_gain
 from alloc.onboard.reference_speed import is_relieved
 from alloc.plant.operations import maximum, minimum, where
 from alloc.records import filled, quantity
-
-if TYPE_CHECKING:
-    from alloc.onboard.parameters import Onboard
-
 
 # No readhesion control: the torque follows its target whatever the wheels do.
 
@@ -215,14 +211,10 @@ class TorqueTable(BuiltInController, remembered={"speed": math.nan, "torque": ma
     def __post_init__(self) -> None:
         OnboardError.check("table", self, ("width", "rise", "fall", "time_constant"), ("margin",))
 
-    def constants(self, period: float) -> TorqueTableSettings:
+    def settings(self, period: float) -> TorqueTableSettings:
         """Numbers of the law for a control `period` [s]."""
         pole = 1.0 / self.time_constant
         return filled(
             TorqueTableSettings, self, pole=pole, gain=differentiator_gain(pole, period),
             rise_share=lag_share(self.rise, period), fall_share=lag_share(self.fall, period),
         )  # fmt: skip
-
-    def settings(self, onboard: "Onboard") -> TorqueTableSettings:
-        """Numbers of the law."""
-        return self.constants(onboard.period)

@@ -1,79 +1,41 @@
-"""The figures of the claims show the numbers that the statements are made from."""
+"""The figures of the patent show the numbers that its statements are made from, and what was learnt."""
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
 
-from paper_figs.claims import (
+from paper_figs.drawing import FIGURES, Source
+from paper_figs.patent import (
     CLAIM_TABLE,
-    CONTROLLER,
+    FEW_CLAIMS,
     FEW_EVENTS,
-    RULE,
-    claim_a,
-    claim_b,
-    claim_c,
-    claim_d,
-    claim_e,
+    LEARNERS,
+    LOOKS,
     claim_verdicts,
     claim_verdicts_search,
+    learning,
 )
-from paper_figs.differences import differences
-from paper_figs.source import Source
-from paper_figs.verdicts import LOOKS
-from studies.claims.statements import LAYERS, statement_name
+from paper_figs.rules import differences
+from studies.claims.statements import LAYERS
 from studies.claims.study import CLAIMS as CLAIM_STUDY
 from studies.core.arms import COMPARED, Arm
 from studies.core.statement import FAILS, HOLDS
 from studies.core.store import Store
 from studies.core.study import Study
 from studies.differences.study import DIFFERENCES
+from studies.learning.series import TOLERANCE
+from tests.studies.learning_tables import falling
+from tests.studies.learning_tables import synthetic as learning_table
 from tests.studies.sweep_tables import claim_table as synthetic
 
-CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 
-
-def whole(axes) -> float:
-    """Value of the first mark of a forest: all events."""
-    return next(float(c.lines[0].get_xdata()[0]) for c in axes.containers)
-
-
-def test_the_forest_starts_with_the_number_of_the_statement():
-    table = synthetic(80)
-    statements = {one.name: one for one in CLAIM_STUDY.statements(table)}
-    for claim, draw in CLAIMS.items():
-        axes = draw(table).axes[1]
-        numbers = statements[statement_name(claim, Arm(RULE, CONTROLLER))].numbers
-        factor = 1.0 if claim == "d" else 100.0
-        assert whole(axes) == pytest.approx(factor * next(iter(numbers.values())).value), claim
-        assert axes.get_yticklabels()[0].get_text().startswith("all (")
-        assert not draw(synthetic(4)).axes[1].containers  # few events leave marks out
-
-
-def test_a_part_that_fails_stands_on_the_other_side():
-    def change(row):
-        worse = row["rule"] == RULE and row["season"] == "winter"
-        return row | {"jerk_rms": 0.6} if worse else row
-
-    axes = claim_d(synthetic(120, change)).axes[1]
-    names = [label.get_text().split(" (")[0] for label in axes.get_yticklabels()]
-    marks = {names[round(c.lines[0].get_ydata()[0])]: c for c in axes.containers}
-    ends = {
-        name: next(part for part in c.lines[2] if isinstance(part, LineCollection)).get_segments()[
-            0
-        ]
-        for name, c in marks.items()
-    }
-    assert ends["winter"][:, 0].min() > 0.0 > ends["summer"][:, 0].max()
-
-
-def test_the_table_is_the_sweeps_and_what_it_lacks_is_run(tmp_path, monkeypatch):
+def test_the_table_of_claims_is_the_sweeps_and_what_it_lacks_is_run(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(Study, "run", lambda self, *arguments: asked.append(arguments))
     source = Source(Store(tmp_path), None, 2)
     CLAIM_TABLE(source)
     monkeypatch.setattr(Study, "held", lambda self, folder: 300)
     CLAIM_TABLE(source)
-    assert [arguments[1] for arguments in asked] == [FEW_EVENTS, 300]
+    assert [arguments[1] for arguments in asked] == [FEW_CLAIMS, 300]
     assert asked[0][0] == tmp_path / "sweeps" / "claims"
 
 
@@ -88,7 +50,7 @@ def test_differences_show_the_quartiles_of_the_problems(tmp_path):
 
 def test_verdicts_are_drawn_over_their_thresholds(monkeypatch):
     """Dots are the estimates in the colour of the verdict; the line is the threshold; the shade the side claimed."""
-    for module in ("studies.claims.statements", "paper_figs.claims"):
+    for module in ("studies.claims.statements", "paper_figs.patent"):
         monkeypatch.setattr(f"{module}.ARMS", (Arm("greedy", "cut-and-ramp"),))
     table = synthetic(
         120, lambda row: row | ({"unit_use_low": 0.8} if row["rule"] == "greedy" else {})
@@ -130,3 +92,37 @@ def test_each_controller_has_its_own_verdicts():
         axes = draw(table).axes[1]
         assert [label.get_text() for label in axes.get_yticklabels()] == list(LAYERS)
         assert [words.get_text().partition(",")[0] for words in axes.texts] == [verdict] * 4
+
+
+def test_learning_shows_each_series_their_mean_and_how_many_are_within_the_tolerance():
+    table = learning_table(falling, trains=3)
+    table.loc[(table["train"] == 2) & (table["arm"] == "Gaussian"), "error"] = 0.01
+    sound = table[table["case"] == "sound"]
+    kinds = list(sound[["rail", "stored"]].drop_duplicates().itertuples(index=False, name=None))
+    panels = np.reshape(learning(table).axes, (len(kinds), len(LEARNERS)))
+    for (rail, stored), row in zip(kinds, panels, strict=True):
+        rows = sound[(sound["rail"] == rail) & (sound["stored"] == stored)]
+        for arm, axes in zip(LEARNERS, row, strict=True):
+            own = rows[rows["arm"] == arm]
+            lines = {line.get_label(): line for line in axes.get_lines()}
+            np.testing.assert_allclose(
+                lines["_mean"].get_ydata(), own.groupby("station")["error"].mean()
+            )
+            ends = own[own["station"] == own["station"].max()]["error"]
+            series = [line for line in axes.get_lines() if line.get_label() == "_train"]
+            assert sorted(line.get_ydata()[-1] for line in series) == sorted(ends)
+            within = int((ends <= TOLERANCE).sum())
+            assert f"{within} of {len(ends)} within" in [text.get_text() for text in axes.texts]
+            assert set(lines["tolerance"].get_ydata()) == {TOLERANCE}
+
+
+def test_the_table_is_the_sweeps(tmp_path, monkeypatch):
+    asked = []
+
+    def run(self, *arguments):
+        asked.append(arguments)
+        return learning_table(falling, trains=1)
+
+    monkeypatch.setattr(Study, "run", run)
+    FIGURES["learning"].make(Source(Store(tmp_path), None, 2))
+    assert asked == [(tmp_path / "sweeps" / "learning", FEW_EVENTS, 0, 2, None)]

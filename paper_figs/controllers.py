@@ -1,0 +1,276 @@
+"""Readhesion controllers over random events: from none to MPC, on several adhesion curves, with noise and delay."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+from numpy.typing import NDArray
+
+from alloc.metrics.registry import range_of
+from paper_figs.drawing import figure, study
+from paper_figs.style import (
+    BLUE,
+    BOUND,
+    DARK,
+    GREEN,
+    NOTE,
+    PAGE,
+    VERMILION,
+    Look,
+    Panel,
+    bare_rows,
+    bare_table,
+    controller_look,
+    counted,
+    handle,
+    interval_mark,
+    legend_below,
+    name_rows,
+    new_panels,
+    number_cell,
+    remark,
+    zero_line,
+)
+from studies.core.drawn_events import complete
+from studies.core.statement import mean_interval
+from studies.curves.statements import CURVES, PAIRS, paired_difference
+from studies.ladder.statements import LADDER, LOCOMOTIVE, YARDSTICKS
+from studies.mismatch.rails import RAILS
+from studies.mismatch.settings import (
+    DELAYED,
+    GIVEN,
+    MIDDLE,
+    NOISES,
+    REFERENCE,
+    SEARCHER,
+    SOUGHT,
+)
+from studies.mismatch.statements import difference
+
+FEW_OF_LADDER, FEW_OF_CURVES, FEW_OF_MISMATCH = 6, 4, 2
+"""Events that are run for a figure where the results have fewer: one or two of each train."""
+PANELS = (
+    Panel("utilisation_short", "adhesion used\nwhere short [%]", 100.0),
+    Panel("effort_ratio", "effort\nover plan [%]", 100.0),
+    Panel("search_time", "search time [s]"),
+    Panel("unfinished_searches", "searches\nunfinished [%]", 100.0),
+    Panel("torque_fluctuation", "torque fluctuation\nover plan [%]", 100.0),
+    Panel("slip_time", "slip, summed\nover axles [s]"),
+    Panel("damage", "wheel damage Q\n[kJ]", 1.0, True),
+    Panel("jerk_rms", "jerk rms\n[m/s³]"),
+)
+BELOW = 0.15
+"""Distance of the single events from their mean, in rows: no mark stands on another."""
+PLACES, PILE = 100.0, 0.16
+"""Places along a panel that part events from each other, and the height of a pile of all of them, in rows."""
+
+
+@figure("ladder", "readhesion controllers from none to MPC over random events (sweep ladder)",
+        study("ladder", FEW_OF_LADDER))  # fmt: skip
+def ladder(table: pd.DataFrame) -> Figure:
+    """A panel per metric: means by controller, filled with a free axle, open for the locomotive.
+
+    Below a mean a short line for each event; those of one place are piled up, so a tall line is many events.
+    """
+    good = complete(table)
+    free = good["train"] != LOCOMOTIVE
+    drawn, axes = new_panels(PAGE, 6.0, 2, len(PANELS) // 2, sharey=True)
+    for panel, one in zip(PANELS, axes.flat, strict=True):
+        shown = panel.factor * good[panel.metric].dropna().to_numpy(dtype=float)
+        spread = (
+            float(np.ptp(np.log10(shown) if panel.logarithmic else shown)) if len(shown) else 0.0
+        )
+        for y, controller in enumerate(LADDER):
+            own = good["controller"] == controller
+            look = controller_look(controller)
+            for chosen, shift, face in ((free, -0.28, look["color"]), (~free, 0.2, "white")):
+                values = good.loc[own & chosen, panel.metric].dropna().astype(float)
+                _mark(one, values, panel, spread, y + shift, look | {"markerfacecolor": face})
+        one.set_xlabel(panel.label)
+        if panel.logarithmic:
+            one.set_xscale("log")
+            one.xaxis.set_minor_formatter(NullFormatter())
+        bare_rows(one)
+    for bar in YARDSTICKS:
+        axes[0, 0].axvline(100 * bar, **BOUND)
+    name_rows(axes[0, 0], LADDER)
+    counts = [good["scenario"][kind].nunique() for kind in (free, ~free)]
+    drawn.suptitle(
+        f"filled: multiple units ({counts[0]} events); open: locomotive, no free axle ({counts[1]} events)",
+    )
+    return drawn
+
+
+def piled(values: NDArray[np.float64], spread: float) -> NDArray[np.float64]:
+    """How far each value is moved up, in rows, so that those of one place pile up; `spread`: of all that the panel shows."""
+    place = np.round(values * PLACES / (spread or 1.0))
+    below = np.array([np.count_nonzero(place[:k] == one) for k, one in enumerate(place)])
+    return np.asarray(below * PILE / max(len(values) - 1, 1), dtype=np.float64)
+
+
+def _mark(
+    axes: Axes, events: "pd.Series[float]", panel: Panel, spread: float, y: float, look: Look
+) -> None:
+    """Events as pale points, their mean with its interval in the controller's colour."""
+    if events.empty:
+        return
+    pale = look | {"marker": "|", "markersize": 2.0, "markeredgewidth": 0.6, "alpha": 0.5}
+    shown = np.asarray(panel.factor * events.to_numpy(), dtype=np.float64)
+    along = np.log10(shown) if panel.logarithmic else shown
+    axes.plot(shown, y + BELOW + piled(along, spread), **pale)
+    found = mean_interval(events, within=range_of(panel.metric))
+    if panel.logarithmic:  # an interval that reaches below zero has no place on this axis
+        found = replace(found, low=max(found.low, 0.1 * found.value))
+    interval_mark(axes, found, y, panel.factor, look | {"markersize": 4.0, "elinewidth": 1.0})
+
+
+CURVE_LOOKS: dict[str, Look] = {
+    "piecewise": {"color": "#222222", "marker": "o", "linestyle": "none"},
+    "flat piecewise": {"color": BLUE, "marker": "s", "linestyle": "none"},
+    "Polach wet": {"color": VERMILION, "marker": "^", "linestyle": "none"},
+    "flat slip ratio": {"color": GREEN, "marker": "D", "linestyle": "none"},
+}
+CURVE_PANELS = (
+    Panel("held_effort", "effort over plan [%]", 100.0),
+    Panel("utilisation", "adhesion used [%]", 100.0),
+    Panel("slip_time", "slip over axles [s]"),
+    Panel("damage", "wheel damage Q [kJ]"),
+    Panel("jerk_rms", "jerk rms [m/s³]"),
+)
+
+
+@figure("curves", "differences of rules and controllers under several adhesion curves (sweep curves)",
+        study("curves", FEW_OF_CURVES))  # fmt: skip
+def curves(table: pd.DataFrame) -> Figure:
+    """A row per pair, a panel per metric, each with a scale of its own: mean paired difference and interval by curve."""
+    good = table[table["status"] == "ok"]
+    drawn, axes = new_panels(PAGE, 5.6, len(PAIRS), len(CURVE_PANELS), sharey=True)
+    for pair, row in zip(PAIRS, axes, strict=True):
+        for panel, one in zip(CURVE_PANELS, row, strict=True):
+            for y, curve in enumerate(CURVES):
+                found = mean_interval(paired_difference(good, curve, pair, panel.metric))
+                if found.count:
+                    look = {"markersize": 4.0, "elinewidth": 0.9, **CURVE_LOOKS[curve]}
+                    interval_mark(one, found, y, panel.factor, look)
+            zero_line(one)
+            one.grid(visible=False, axis="y")
+            one.set_yticks([])
+            one.locator_params(axis="x", nbins=3)
+            one.set_ylim(len(CURVES) - 0.5, -0.5)
+        row[0].set_title(pair.name)
+    for panel, one in zip(CURVE_PANELS, axes[-1], strict=True):
+        one.set_xlabel(panel.label)
+    legend_below(drawn, [handle(curve, **look) for curve, look in CURVE_LOOKS.items()])
+    return drawn
+
+
+WORSE_TO_BETTER = LinearSegmentedColormap.from_list("change", [VERMILION, "#ffffff", BLUE])
+"""From worse than the reference through equal to better."""
+
+
+class MetricPanel(NamedTuple):
+    """A metric's panel: title, factor to its unit, digits, what more of it is worth, the difference of full colour."""
+
+    metric: str
+    title: str
+    factor: float
+    form: str
+    worth: int
+    full: float
+
+
+class CellColumn(NamedTuple):
+    """A column of cells: the setting, its noise [km/h], and its name at the axis."""
+
+    setting: str
+    noise: float
+    name: str
+
+
+QUANTITIES = (
+    MetricPanel("utilisation_short", "adhesion used where short [%]", 100.0, "{:.1f}", 1, 10.0),
+    MetricPanel("damage", "wheel damage Q [kJ]", 1.0, "{:.0f}", -1, 100.0),
+    MetricPanel("slip_time", "slip over axles [s]", 1.0, "{:.1f}", -1, 10.0),
+)
+WHOSE = ("½", "1", "1½", "piece-\nwise", "Pol.\nwet", "slip\nratio")
+"""Names of the given slips at the axis: shares of that of the rail's own peak, then curves whose peak it is."""
+GIVEN_COLUMNS = [CellColumn(one.name, MIDDLE, name) for one, name in zip(GIVEN, WHOSE, strict=True)]
+GROUPS: dict[str, Sequence[CellColumn]] = {
+    **{
+        title: [CellColumn(one.name, noise, f"{noise:g}") for noise in NOISES]
+        for title, one in {
+            REFERENCE.name: REFERENCE,
+            SEARCHER.name: SEARCHER,
+            "mpc": SOUGHT,
+            "mpc,\na period late": DELAYED,
+        }.items()
+    },
+    "mpc at\nown peak ×": GIVEN_COLUMNS[:3],
+    "mpc at\npeak of": GIVEN_COLUMNS[3:],
+}
+"""Groups of columns from left to right."""
+GAP = 0.35
+"""Between two groups, in columns."""
+PLACED = [(k + GAP * g, one) for k, (g, one) in enumerate(
+    (g, one) for g, group in enumerate(GROUPS.values()) for one in group
+)]  # fmt: skip
+"""Columns with their places along the axis."""
+
+
+@figure("mismatch", "the MPC by curve, noise, computing time and given slip (sweep mismatch)",
+        study("mismatch", FEW_OF_MISMATCH))  # fmt: skip
+def mismatch(table: pd.DataFrame) -> Figure:
+    """A panel per metric: means over events, and below them how far the difference from cut-and-ramp is known.
+
+    That is half of the 95 % interval of the mean paired difference, with the same noise. Blue is better, orange worse; a
+    cell is white where the interval contains no difference.
+    """
+    good = table[table["status"] == "ok"]
+    drawn, axes = new_panels(PAGE, 7.4, len(QUANTITIES), 1, sharex=True)
+    for quantity, one in zip(QUANTITIES, axes, strict=True):
+        _cells(one, quantity, good)
+    remark(axes[0], "±: half the interval of the difference from cut-and-ramp, event by event.")
+    names = [column.name for _, column in PLACED]
+    axes[-1].set_xticks([x for x, _ in PLACED], names, fontsize=NOTE)
+    axes[-1].set_xlabel(f"noise of measured speeds, at given slips {MIDDLE:g} [km/h]")
+    for title, group in GROUPS.items():
+        middle = np.mean([x for x, column in PLACED if column in group])
+        look = {"va": "bottom", "fontsize": NOTE, "color": DARK, "linespacing": 1.0}
+        axes[0].text(middle, -0.6, title, ha="center", **look)
+    drawn.suptitle(
+        "blue: better than cut-and-ramp with the same noise; orange: worse; white: no difference known",
+    )
+    return drawn
+
+
+def _cells(axes: Axes, panel: MetricPanel, good: pd.DataFrame) -> None:
+    """A cell per curve and column: the mean as a number, its difference from the reference as a colour."""
+    scale = Normalize(-panel.full, panel.full)
+    mean = good.groupby(["curve", "noise", "setting"])[panel.metric].mean()
+    for y, curve in enumerate(RAILS):
+        for x, column in PLACED:
+            own = (curve, column.noise, column.setting)
+            if own not in mean.index:
+                continue
+            other = mean_interval(difference(good, *own, REFERENCE.name, panel.metric))
+            known = column.setting != REFERENCE.name and other.count > 1
+            decided = known and not other.low <= 0.0 <= other.high
+            worth = 0.5
+            if decided or other.count == 1:
+                worth = float(scale(panel.worth * panel.factor * other.value))
+            words = panel.form.format(panel.factor * mean[own])
+            if known:
+                counted(axes, [other])
+                half = panel.factor * 0.5 * (other.high - other.low)
+                words += "\n±" + (panel.form if half < 10.0 else "{:.0f}").format(half)
+            number_cell(axes, x, y, (0.96, 0.96), worth, WORSE_TO_BETTER, words)
+    name_rows(axes, list(RAILS))
+    axes.set(xlim=(-0.6, PLACED[-1][0] + 0.6), ylabel="adhesion curve")
+    bare_table(axes)
+    axes.set_title(panel.title, loc="left", pad=22 if panel is QUANTITIES[0] else 4)
