@@ -25,7 +25,7 @@ CORRELATED = 5.0
 WINDOW = 0.2
 """Time [s] for which noise of a wheel or of a force persists."""
 PERMILLE = 1e-3
-LEAST = 4e-3
+LEAST = 2e-3
 """Error of Q, as a share, that every log has: by rounding, by forces between instants, by the load that pitch moves."""
 
 FORCES = 0.03
