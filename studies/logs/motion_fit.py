@@ -584,26 +584,18 @@ def _radii(
     ratio = known[:, never] / v - 1
     own = np.nanmedian(ratio, axis=0)
     if never.size > 3:  # what is wrong with the law of creep is so for all of them
-        some = np.isfinite(ratio).any(axis=1)
-        ratio = ratio[some] - np.nanmedian(ratio[some], axis=1)[:, None]
-    apart, spread = np.array([_shortest_half(one[np.isfinite(one)]) for one in ratio.T]).T
+        ratio = ratio[np.isfinite(ratio).any(axis=1)]
+        ratio = ratio - np.nanmedian(ratio, axis=1)[:, None]
+    # a radius is wrong at nearly all times, and slip is not
+    low, high = np.nanquantile(ratio, (0.1, 0.9), axis=0)
+    apart = np.maximum(low, 0.0) + np.minimum(high, 0.0)
     others = found[rolls.sum(0) >= 5]
     if others.size > 3:  # a train's wheels wear alike: those that roll tell whether they have
         worn = bool(np.mean(np.abs(others) > WORN) > 0.3)
     else:
         worn = bool(never.size > 1 and np.mean(np.abs(np.diff(own))) > UNLIKE)
-    # slip that lasts varies more than a radius
-    sure = np.abs(apart) > np.maximum(5e-3, 5.0 * spread)
-    found[never] = np.where(sure & (not worn), apart, 0.0)
+    found[never] = np.where((np.abs(apart) > 5e-3) & (not worn), apart, 0.0)
     return found, worn
-
-
-def _shortest_half(x: Floats) -> tuple[float, float]:
-    """Middle and half the width of the shortest interval with half of the values: slips, to one side, do not move it."""
-    x, half = np.sort(x), x.size // 2
-    width = x[half:] - x[: x.size - half]
-    k = int(np.argmin(width))
-    return float(x[k] + 0.5 * width[k]), float(0.5 * width[k])
 
 
 def thinned(z: Samples) -> Samples:
