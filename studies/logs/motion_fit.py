@@ -583,18 +583,16 @@ def _radii(
         return found, False
     ratio = known[:, never] / v - 1
     own = np.nanmedian(ratio, axis=0)
-    if never.size > 3:  # what is wrong with the law of creep is so for all of them
-        ratio = ratio[np.isfinite(ratio).any(axis=1)]
-        ratio = ratio - np.nanmedian(ratio, axis=1)[:, None]
-    # a radius is wrong at nearly all times, and slip is not
-    low, high = np.nanquantile(ratio, (0.1, 0.9), axis=0)
-    apart = np.maximum(low, 0.0) + np.minimum(high, 0.0)
+    spread = np.nanmedian(np.abs(ratio - own), axis=0)
+    apart = own - np.median(own) if never.size > 3 else own
     others = found[rolls.sum(0) >= 5]
     if others.size > 3:  # a train's wheels wear alike: those that roll tell whether they have
         worn = bool(np.mean(np.abs(others) > WORN) > 0.3)
     else:
         worn = bool(never.size > 1 and np.mean(np.abs(np.diff(own))) > UNLIKE)
-    found[never] = np.where((np.abs(apart) > 5e-3) & (not worn), apart, 0.0)
+    # slip that lasts varies more than a radius
+    sure = np.abs(apart) > np.maximum(5e-3, 5.0 * spread)
+    found[never] = np.where(sure & (not worn), apart, 0.0)
     return found, worn
 
 
