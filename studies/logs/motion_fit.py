@@ -53,10 +53,10 @@ CREEP_UNSURE = 0.15
 """Standard deviation of creep, relative."""
 LEAST_RADIUS = 1e-3
 """Error of a radius below which nothing is changed."""
-WORN = 2e-3
+WORN = 2.5e-3
 """Error of rolling wheels' radii from which on they are worn; where a third of them is, the others count as worn too."""
-UNLIKE = 7e-3
-"""Mean difference of neighbouring wheels that always pull, relative, above which they count as worn."""
+UNLIKE = 2.6e-3
+"""Mean by which wheels that always pull are on the side to which none slips, relative, above which they count as worn."""
 
 
 @dataclass
@@ -581,6 +581,7 @@ def _radii(
     never = never[np.isfinite(known[:, never]).any(axis=0)]
     if never.size == 0:
         return found, False
+    side = np.sign(wheels.side[use].sum())
     ratio = known[:, never] / v - 1
     own = np.nanmedian(ratio, axis=0)
     spread = np.nanmedian(np.abs(ratio - own), axis=0)
@@ -589,9 +590,11 @@ def _radii(
     if others.size > 3:  # a train's wheels wear alike: those that roll tell whether they have
         worn = bool(np.mean(np.abs(others) > WORN) > 0.3)
     else:
-        worn = bool(never.size > 1 and np.mean(np.abs(np.diff(own))) > UNLIKE)
-    # slip that lasts varies more than a radius
-    sure = np.abs(apart) > np.maximum(5e-3, 5.0 * spread)
+        worn = bool(
+            never.size > 1 and np.mean(np.maximum(-side * (own - np.median(own)), 0.0)) > UNLIKE
+        )
+    # slip that lasts looks like a radius, to its side
+    sure = (side * apart < 0.0) & (np.abs(apart) > np.maximum(5e-3, 5.0 * spread))
     found[never] = np.where(sure & (not worn), apart, 0.0)
     return found, worn
 
