@@ -137,7 +137,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Table:
-    """A table that pages include: two lines of heading, and a text with its cells for each row."""
+    """A table that pages include: its heading, and a text with its cells for each row."""
 
     name: str
     head: str
@@ -149,8 +149,12 @@ class Table:
         return TABLES / f"{self.name}.md"
 
     def made(self, stored: Mapping[str, Mapping[str, Any]]) -> str:
-        """The table as Markdown, from values stored by study and cell."""
-        return "\n".join([self.head, *(row.line(stored) for row in self.rows), ""])
+        """The table as Markdown, from values stored by study and cell; columns of numbers stand at the right."""
+        lines = [row.line(stored) for row in self.rows]
+        columns = zip(*(line[1:-1].split("|") for line in lines), strict=True)
+        numeric = [all(re.match(r" *([-+>\d]|$)", one) for one in column) for column in columns]
+        sides = ["--:" if one else "---" for one in numeric]
+        return "\n".join([self.head, f"|{'|'.join(sides)}|", *lines, ""])
 
 
 def expanded(cell: str) -> list[str]:
