@@ -15,9 +15,8 @@ LEAST_ENERGY = 1.0
 """Energy [J] that a balance may lack of a train that hardly moves."""
 ROUNDING = 1e-9
 """Share of the energy that is there, of a limit, and of the range of a metric, that counts for nothing."""
-BRAKED = 0.015
-"""Share by which a braked wheel may exceed the recorded limit, which is that of driving: Polach's law gives 0.2 % more, and
-1 % at walking pace."""
+BRAKED = 0.025
+"""Share by which a braked wheel may exceed the recorded limit, which is that of driving: Polach's law gives up to 2 %."""
 BALANCED = 200
 """Instants of a run at which energy is counted; what is lost once is missing at all later ones."""
 MAY_BE_MISSING = {"level", "increment_datum", "learnt_deviation"}

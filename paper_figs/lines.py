@@ -30,6 +30,7 @@ from paper_figs.style import (
     new_figure,
     new_panels,
 )
+from studies.core.claims import quantity as quantity_of
 from studies.core.statement import mean_interval
 from studies.lines.line_run import LineRun, run_line
 from studies.lines.named_files import find_line, find_stock
@@ -200,7 +201,7 @@ def _benefit(axes: Axes, table: pd.DataFrame) -> None:
         own = table[table["route"] == train]
         for case in (RIGHT, CARS):
             found = ratio(quantity, case, FEEDBACK)
-            means = [mean_interval(found(own[own["arm"] == arm])) for _, arm in arms]
+            means = [mean_interval(quantity_of(own[own["arm"] == arm], found)) for _, arm in arms]
             look = {**CASE_LOOKS[case], "linestyle": dashes, "markersize": 4.5}
             look["fillstyle"] = "full" if dashes == "-" else "none"  # some points lie on each other
             axes.plot(x, [one.value for one in means], label=f"{train}, {NAMES[case]}", **look)
@@ -219,7 +220,7 @@ def _arms(axes: Axes, table: pd.DataFrame, arms: list[str], quantity: str) -> No
     for k, (case, look) in enumerate(CASE_LOOKS.items()):
         for row, arm in enumerate(arms):
             own = table[table["arm"] == arm]
-            found = mean_interval(ratio(quantity, case, FEEDBACK, KINDS)(own))
+            found = mean_interval(quantity_of(own, ratio(quantity, case, FEEDBACK, KINDS)))
             style = dict(look) | {"markersize": 3.5, "capsize": 2.0, "linewidth": 0.9}
             interval_mark(axes, found, row + 0.22 * (k - 1), 1.0, style)
     axes.axvline(1.0, **BOUND)

@@ -37,10 +37,20 @@ from paper_figs.style import (
     rule_look,
     zero_line,
 )
-from studies.blended.blended_thresholds import THRESHOLDS
 from studies.blended.events import CURVES, TRAINS
-from studies.blended.statements import CONTROLLERS, ESTIMATE, RULES, TRUTH, arm_name, less, pairs_of
+from studies.blended.statements import (
+    CONTROLLERS,
+    ERROR,
+    ESTIMATE,
+    LOST,
+    RULES,
+    TRUTH,
+    arm_name,
+    less,
+    pairs_of,
+)
 from studies.core.arms import Arm
+from studies.core.claims import quantity
 from studies.core.statement import column_interval, mean_interval
 from studies.sanders.placement import PLACEMENTS, SHARINGS, USUAL
 from studies.sanders.statements import arms
@@ -80,13 +90,15 @@ def blended(table: pd.DataFrame) -> Figure:
                 found = column_interval(events, f"bound_use@{arm_name(arm, source)}")
                 own = {"markerfacecolor": face, "gid": f"{rule}, {source}"}
                 interval_mark(used, found, y + shift + off, 100.0, look | own)
-            cost = mean_interval(less("bound_use", arm_name(arm, TRUTH), arm_name(arm))(events))
+            cost = mean_interval(
+                quantity(events, less("bound_use", arm_name(arm, TRUTH), arm_name(arm)))
+            )
             interval_mark(lost, cost, y + shift, 100.0, look)
     used.set_xlabel("bound used [%]")
     zero_line(lost)
-    lost.axvline(100.0 * THRESHOLDS["estimate"].value, **BOUND)
+    lost.axvline(100.0 * LOST, **BOUND)
     lost.set_xlabel("lost to the estimate,\nof the bound [%]")
-    _stops(error, events, "reference_error", THRESHOLDS["error"].value)
+    _stops(error, events, "reference_error", ERROR)
     error.set_xlabel("largest error of the\nreference speed [m/s]")
     _stops(ratio, events, "reference_ratio", 1.0)
     ratio.set_xlabel("error over stated\ndeviation, rms [–]")

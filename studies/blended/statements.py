@@ -1,26 +1,15 @@
-"""Statements of the sweep `blended`: what the estimated speed costs and states, which rule and which controller is best."""
+"""Claims of the sweep `blended`: what the estimated speed costs and states, which rule and which controller is best."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from itertools import product
-from typing import Literal
 
 import pandas as pd
 
-from alloc.metrics.registry import range_of
-from studies.blended.blended_thresholds import THRESHOLDS
 from studies.blended.events import HAULED, SOURCES
 from studies.core.arms import Arm
+from studies.core.claims import AT_LEAST, AT_MOST, Claim, conjunction, family, how_many
 from studies.core.drawn_events import paired
-from studies.core.family import Claim, Part, Test, compared
-from studies.core.statement import (
-    CONFIDENCE,
-    INTERVALS_OF_MEANS,
-    Interval,
-    Statement,
-    column_interval,
-    in_words,
-)
-from studies.core.verdict import LEAST_EVENTS, Numbers, decided
+from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement, in_words
 
 RULES = ("alone", "cooperative", "exact")
 CONTROLLERS = ("cut-and-ramp", "perturb-observe", "mpc", "mpc-train")
@@ -33,6 +22,9 @@ PAIRS = (
 """Controllers of which the first is claimed to use more of the bound."""
 NARROW = 0.3
 """Slip velocity [m/s] of the peak, at 15 m/s, below which a peak counts as narrow."""
+LOST, MORE_DAMAGE, ERROR, WITHIN = 0.01, 0.2, 0.2, 0.95
+"""Most of the bound that is lost to the estimate, most wheel damage more, largest error of the speed [m/s], and least share
+of the errors within two deviations."""
 NUMBERS = (
     "bound_use", "utilisation_short", "slip_time", "damage", "locked_driven", "reference_error", "reference_rms",
     "reference_bias", "reference_ratio", "reference_within", "air_of_units",
@@ -48,19 +40,18 @@ WORDS = {
     "air_of_units": "air over the plan of the driven cars",
 }
 """Metric -> what a statement calls it."""
-PARTS: dict[str, Part] = {
-    "multiple units": lambda e: ~e["train"].isin(HAULED),
-    "locomotives": lambda e: e["train"].isin(HAULED),
-    f"a narrow peak (below {NARROW:g} m/s)": lambda e: e["peak"] < NARROW,
-    "a wide peak": lambda e: e["peak"] >= NARROW,
-    "wheels as believed": lambda e: e["radius_error"] == 0.0,
-    "wheels unequal by 0.05 to 1 %": lambda e: e["radius_error"] > 0.0,
+PARTS = {
+    "multiple units": " and ".join(f"train != '{name}'" for name in HAULED),
+    "locomotives": " or ".join(f"train == '{name}'" for name in HAULED),
+    f"a narrow peak (below {NARROW:g} m/s)": f"peak < {NARROW}",
+    "a wide peak": f"peak >= {NARROW}",
+    "wheels as believed": "radius_error == 0",
+    "wheels unequal by 0.05 to 1 %": "radius_error > 0",
 }
 METHOD = f"paired by event; {INTERVALS_OF_MEANS}, {CONFIDENCE:.0%}; after Holm over all claims, parts after Bonferroni"
 POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] points, n = {}", 100)
 PLAIN = in_words("{:.3g} [{:.3g}, {:.3g}], n = {}")
-
-Values = Callable[[pd.DataFrame], "pd.Series[float]"]
+PAGE = "docs/reference-speed.md"
 
 
 def arm_name(arm: Arm, source: str = ESTIMATE) -> str:
@@ -68,182 +59,157 @@ def arm_name(arm: Arm, source: str = ESTIMATE) -> str:
     return f"{arm.rule}/{arm.controller}/{source}"
 
 
+def over_rules(metric: str, controller: str, source: str = ESTIMATE) -> str:
+    """Column of a metric's mean over the rules under a controller."""
+    return f"mean {metric}@{controller}/{source}"
+
+
 def pairs_of(table: pd.DataFrame) -> pd.DataFrame:
-    """One row per stop that succeeded in every arm: what was drawn, and numbers as ``number@rule/controller/source``."""
+    """One row per stop that succeeded in every arm: what was drawn, and numbers as ``number@rule/controller/source``.
+
+    Beside them the means over the rules (`over_rules`), and whether wheels locked under any rule.
+    """
     failed = table["event"][table["status"] != "ok"]
     own = table[~table["event"].isin(failed)]
     own = own.assign(arm=own["rule"] + "/" + own["controller"] + "/" + own["source"])
-    return paired(own.assign(scenario=own["event"]), "arm", NUMBERS, DRAWN)
+    pairs = paired(own.assign(scenario=own["event"]), "arm", NUMBERS, DRAWN)
+    more = {}
+    for controller, source in product(CONTROLLERS, SOURCES):
+        for metric in NUMBERS:
+            columns = [f"{metric}@{arm_name(Arm(rule, controller), source)}" for rule in RULES]
+            more[over_rules(metric, controller, source)] = pairs[columns].astype(float).mean(axis=1)
+            if metric == "locked_driven":
+                more[_locked(controller, source)] = (pairs[columns].astype(float) > 0.0).any(axis=1)
+    return pairs.join(pd.DataFrame(more))
+
+
+def _locked(controller: str, source: str = ESTIMATE) -> str:
+    return f"any lock@{controller}/{source}"
+
+
+def less(metric: str, one: str, other: str) -> str:
+    """A metric of an arm less that of another, both by their column names."""
+    return f"{metric}@{one} - {metric}@{other}"
+
+
+def _by_part(words: str, text: str) -> dict[str, str]:
+    return {f"{words}, {name}": f"{text} if {part}" for name, part in PARTS.items()}
+
+
+def _differences(one: str, other: str, words: str) -> dict[str, str]:
+    return {f"{text}, {words}": less(metric, one, other) for metric, text in WORDS.items()}
+
+
+def _of_controller(controller: str) -> Iterable[Claim]:
+    """What the estimated speed costs under a controller, and whether it says how wrong it is."""
+
+    def own(metric: str, source: str = ESTIMATE) -> str:
+        return over_rules(metric, controller, source)
+
+    lost = f"{own('bound_use', TRUTH)} - {own('bound_use')}"
+    damage = f"{own('damage')} beyond {own('damage', TRUTH)}"
+    error, within, ratio = (own(f"reference_{name}") for name in ("error", "within", "ratio"))
+    return [
+        Claim(
+            f"estimate: {controller}", f"the estimated speed costs {controller} at most a point of the bound", lost, AT_MOST,
+            LOST, reason="a hundredth of the bound is what the choice of a controller or a rule is about", parts=PARTS,
+            show=POINTS, method=METHOD,
+            numbers={
+                "bound lost": lost, **_by_part("bound lost", lost), "bound lost, worst stop": f"largest of {lost}",
+                **{
+                    f"{text}, {rule}, less true speed": less(
+                        metric, arm_name(Arm(rule, controller)), arm_name(Arm(rule, controller), TRUTH)
+                    )
+                    for rule in RULES for metric, text in WORDS.items()
+                },
+            },
+        ),
+        Claim(
+            f"damage: {controller}", f"the estimated speed costs {controller} at most a fifth more wheel damage",
+            damage, AT_MOST, MORE_DAMAGE,
+            reason="slip that is measured wrongly costs no more than a fifth of the wheel damage", source=PAGE, parts=PARTS,
+            show=in_words("{:+.0f} [{:+.0f}, {:+.0f}] %, n = {}", 100), method=METHOD,
+            numbers={
+                "wheel damage over that with the true speed, less 1": damage,
+                "wheel damage [kJ]": own("damage"), "wheel damage [kJ], true speed": own("damage", TRUTH),
+            },
+        ),
+        Claim(
+            f"error: {controller}", f"the largest error of the speed under {controller} is at most 0.2 m/s on the mean",
+            error, AT_MOST, ERROR, reason="largest error of an event [m/s], on the mean: half the slip of a wide peak",
+            source=PAGE, parts=PARTS, show=PLAIN, method=METHOD,
+            numbers={
+                "largest error [m/s]": error, **_by_part("largest error [m/s]", error),
+                "root mean square of the error [m/s]": own("reference_rms"),
+                "mean error [m/s]": own("reference_bias"), "worst stop [m/s]": f"largest of {error}",
+            },
+        ),
+        Claim(
+            f"deviation: {controller}", f"under {controller} 95 % of the errors are within two stated deviations",
+            within, AT_LEAST, WITHIN, reason="two deviations contain 95 % of normal errors", parts=PARTS,
+            show=in_words("{:.0f} [{:.0f}, {:.0f}] %, n = {}", 100), method=METHOD,
+            numbers={
+                "share within two deviations": within, **_by_part("share within two deviations", within),
+                "error over deviation, root mean square over stops": f"root mean square of {ratio}",
+                "error over deviation, median stop": f"median of {ratio}",
+            },
+        ),
+    ]  # fmt: skip
+
+
+def _sharing(rule: str, controller: str) -> Claim:
+    own, base = (arm_name(Arm(one, controller)) for one in (rule, "alone"))
+    return Claim(
+        f"sharing: {rule}, {controller}", f"{rule} uses more of the bound than alone under {controller}",
+        less("bound_use", own, base), reason="sharing is there to use more", parts=PARTS, show=POINTS, method=METHOD,
+        numbers={f"bound used, {rule}": f"bound_use@{own}", "bound used, alone": f"bound_use@{base}"}
+        | _differences(own, base, "less alone"),
+    )  # fmt: skip
+
+
+def _controller(one: str, other: str) -> Claim:
+    own, base, own_true, base_true = (
+        over_rules("bound_use", controller, source) for source in SOURCES for controller in (one, other)
+    )  # fmt: skip
+    return Claim(
+        f"controller: {one} less {other}", f"{one} uses more of the bound than {other}, on the mean over the rules",
+        f"{own} - {base}", reason="better is more of the bound", parts=PARTS, show=POINTS, method=METHOD,
+        numbers={
+            f"bound used, less {other}": f"{own} - {base}",
+            f"bound used, less {other}, both with the true speed": f"{own_true} - {base_true}",
+            **{
+                words: text for rule in RULES for words, text in _differences(
+                    arm_name(Arm(rule, one)), arm_name(Arm(rule, other)), f"{rule}, less {other}"
+                ).items()
+            },
+        },
+    )  # fmt: skip
+
+
+FAMILY = (
+    *(claim for kind in zip(*map(_of_controller, CONTROLLERS), strict=True) for claim in kind),
+    *(_sharing(*names) for names in product(SHARERS, CONTROLLERS)),
+    *(_controller(*pair) for pair in PAIRS),
+)
+NO_LOCKS: Mapping[str, Claim] = {
+    controller: Claim(
+        f"locked: {controller}", f"no driven wheel locks above 5 km/h under {controller}, with any rule",
+        _locked(controller), AT_MOST, exact=True, reason="a locked wheel is flattened within seconds",
+        show=how_many("in", "stops"),
+        numbers={
+            "share of stops with locked driven wheels": _locked(controller),
+            "share of stops with locked driven wheels, true speed": _locked(controller, TRUTH),
+            WORDS["locked_driven"]: over_rules("locked_driven", controller),
+        },
+        method="holds if it does in every stop",
+    )
+    for controller in CONTROLLERS
+}  # fmt: skip
+CLAIMS = (*FAMILY, *NO_LOCKS.values())
+"""What is claimed; the first are one family."""
 
 
 def blended_statements(table: pd.DataFrame) -> list[Statement]:
     """All statements on a table of `studies.blended.study`."""
     events = pairs_of(table)
-    claims = [
-        *(_estimate(events, controller) for controller in CONTROLLERS),
-        *(_damage(events, controller) for controller in CONTROLLERS),
-        *(_error(events, controller) for controller in CONTROLLERS),
-        *(_deviation(events, controller) for controller in CONTROLLERS),
-        *(_sharing(events, Arm(*names)) for names in product(SHARERS, CONTROLLERS)),
-        *(_controller(events, *pair) for pair in PAIRS),
-    ]
-    return [*compared(claims), *(_locked(events, controller) for controller in CONTROLLERS)]
-
-
-def less(metric: str, one: str, other: str) -> Values:
-    """A metric of an arm less that of another, both by their column names."""
-    return lambda e: (e[f"{metric}@{one}"] - e[f"{metric}@{other}"]).astype(float)
-
-
-def over_rules(metric: str, controller: str, source: str = ESTIMATE) -> Values:
-    """Mean of a metric over the rules under a controller."""
-    columns = [f"{metric}@{arm_name(Arm(rule, controller), source)}" for rule in RULES]
-    return lambda e: e[columns].astype(float).mean(axis=1)
-
-
-def more_damage(controller: str) -> Values:
-    """Numbers whose mean is the ratio of the wheel damage of all stops to that with the true speed, less 1."""
-
-    def ratio(e: pd.DataFrame) -> "pd.Series[float]":
-        own, true = (over_rules("damage", controller, source)(e) for source in SOURCES)
-        whole = own.sum() / true.sum() if len(e) else float("nan")
-        found: pd.Series[float] = whole - 1.0 + (own - whole * true) / true.mean()
-        return found
-
-    return ratio
-
-
-def _test(name: str, quantity: Values, metric: str = "") -> Test:
-    row = THRESHOLDS[name]
-    wanted: Literal[-1, 1] = 1 if row.direction == "at least" else -1
-    return Test(quantity, row.value, wanted, range_of(metric))
-
-
-def _claim(
-    name: str, claim: str, events: pd.DataFrame, test: Test, numbers: Numbers, show: Callable[[Interval], str] = POINTS
-) -> Claim:  # fmt: skip
-    return Claim(name, claim, events, test, PARTS, show, numbers, METHOD)
-
-
-def _differences(events: pd.DataFrame, one: str, other: str, words: str) -> Numbers:
-    return {f"{text}, {words}": less(metric, one, other)(events) for metric, text in WORDS.items()}
-
-
-def _absolute(events: pd.DataFrame, arms: Mapping[str, str]) -> dict[str, Interval]:
-    """The bound that arms use; `arms`: words -> column name."""
-    return {f"bound used, {text}": column_interval(events, f"bound_use@{arm}") for text, arm in arms.items()}  # fmt: skip
-
-
-def _estimate(events: pd.DataFrame, controller: str) -> Claim:
-    own, true = (over_rules("bound_use", controller, source) for source in SOURCES)
-    lost = true(events) - own(events)
-    return _claim(
-        f"estimate: {controller}", f"the estimated speed costs {controller} at most a point of the bound",
-        events, _test("estimate", lambda e: true(e) - own(e)),
-        {
-            "bound lost": lost,
-            **{f"bound lost, {name}": lost[part(events)] for name, part in PARTS.items()},
-            "bound lost, worst stop": float(lost.max()),
-            **{
-                f"{text}, {arm.rule}, less true speed": less(metric, arm_name(arm), arm_name(arm, TRUTH))(events)
-                for arm in ARMS if arm.controller == controller
-                for metric, text in WORDS.items()
-            },
-        },
-    )  # fmt: skip
-
-
-def _damage(events: pd.DataFrame, controller: str) -> Claim:
-    return _claim(
-        f"damage: {controller}", f"the estimated speed costs {controller} at most a fifth more wheel damage",
-        events, _test("damage", more_damage(controller)),
-        {
-            "wheel damage over that with the true speed, less 1": more_damage(controller)(events),
-            "wheel damage [kJ]": over_rules("damage", controller)(events),
-            "wheel damage [kJ], true speed": over_rules("damage", controller, TRUTH)(events),
-        },
-        in_words("{:+.0f} [{:+.0f}, {:+.0f}] %, n = {}", 100),
-    )  # fmt: skip
-
-
-def _error(events: pd.DataFrame, controller: str) -> Claim:
-    largest = over_rules("reference_error", controller)
-    return _claim(
-        f"error: {controller}", f"the largest error of the speed under {controller} is at most 0.2 m/s on the mean",
-        events, _test("error", largest),
-        {
-            "largest error [m/s]": largest(events),
-            **{f"largest error [m/s], {name}": largest(events[part(events)]) for name, part in PARTS.items()},
-            "root mean square of the error [m/s]": over_rules("reference_rms", controller)(events),
-            "mean error [m/s]": over_rules("reference_bias", controller)(events),
-            "worst stop [m/s]": float(largest(events).max()),
-        },
-        PLAIN,
-    )  # fmt: skip
-
-
-def _deviation(events: pd.DataFrame, controller: str) -> Claim:
-    within = over_rules("reference_within", controller)
-    ratio = over_rules("reference_ratio", controller)(events)
-    return _claim(
-        f"deviation: {controller}", f"under {controller} 95 % of the errors are within two stated deviations",
-        events, _test("deviation", within),
-        {
-            "share within two deviations": within(events),
-            **{f"share within two deviations, {name}": within(events[part(events)]) for name, part in PARTS.items()},
-            "error over deviation, root mean square over stops": float((ratio**2).mean() ** 0.5),
-            "error over deviation, median stop": float(ratio.median()),
-        },
-        in_words("{:.0f} [{:.0f}, {:.0f}] %, n = {}", 100),
-    )  # fmt: skip
-
-
-def _sharing(events: pd.DataFrame, arm: Arm) -> Claim:
-    own, base = arm_name(arm), arm_name(Arm("alone", arm.controller))
-    return _claim(
-        f"sharing: {arm.rule}, {arm.controller}", f"{arm.rule} uses more of the bound than alone under {arm.controller}",
-        events, _test("sharing", less("bound_use", own, base)),
-        _absolute(events, {arm.rule: own, "alone": base}) | dict(_differences(events, own, base, "less alone")),
-    )  # fmt: skip
-
-
-def _controller(events: pd.DataFrame, one: str, other: str) -> Claim:
-    own, base = (over_rules("bound_use", controller) for controller in (one, other))
-    true = (over_rules("bound_use", controller, TRUTH)(events) for controller in (one, other))
-    pairs = {rule: (arm_name(Arm(rule, one)), arm_name(Arm(rule, other))) for rule in RULES}
-    return _claim(
-        f"controller: {one} less {other}", f"{one} uses more of the bound than {other}, on the mean over the rules",
-        events, _test("controller", lambda e: own(e) - base(e)),
-        {
-            f"bound used, less {other}": own(events) - base(events),
-            f"bound used, less {other}, both with the true speed": next(true) - next(true),
-            **{
-                f"{text}, {rule}, less {other}": less(metric, *pair)(events)
-                for rule, pair in pairs.items()
-                for metric, text in WORDS.items()
-            },
-        },
-    )  # fmt: skip
-
-
-def _locked(events: pd.DataFrame, controller: str) -> Statement:
-    """Whether no driven wheel locks in any stop under any rule, and how it is with the true speed."""
-    locked = {source: _stops_with_locks(events, controller, source) for source in SOURCES}
-    own = locked[ESTIMATE]
-    return decided(
-        f"locked: {controller}", f"no driven wheel locks above 5 km/h under {controller}, with any rule",
-        {f"{int(own.sum())} of {len(events)} stops": not own.any()},
-        {
-            "share of stops with locked driven wheels": own,
-            "share of stops with locked driven wheels, true speed": locked[TRUTH],
-            WORDS["locked_driven"]: over_rules("locked_driven", controller)(events),
-        },
-        "holds if it does in every stop", enough=len(events) >= LEAST_EVENTS,
-    )  # fmt: skip
-
-
-def _stops_with_locks(events: pd.DataFrame, controller: str, source: str) -> "pd.Series[bool]":
-    columns: Iterable[str] = (
-        f"locked_driven@{arm_name(Arm(rule, controller), source)}" for rule in RULES
-    )
-    return (events[list(columns)].astype(float) > 0.0).any(axis=1)
+    return [*family((events, FAMILY)), *(conjunction(events, claim) for claim in NO_LOCKS.values())]

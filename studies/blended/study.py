@@ -2,10 +2,9 @@
 
 import pandas as pd
 
-from studies.blended.blended_thresholds import TABLE
 from studies.blended.events import DURATION, EVENTS, SOURCES, event_name, peak_of, scenario
 from studies.blended.measures import measure
-from studies.blended.statements import ARMS, blended_statements
+from studies.blended.statements import ARMS, CLAIMS, blended_statements
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 
@@ -40,5 +39,5 @@ BLENDED = Study(
     cells=EachEvent(cells),
     finish=meant,
     judge=blended_statements,
-    thresholds=TABLE,
+    claims=CLAIMS,
 )

@@ -12,7 +12,7 @@ from studies.brake_force.accusations import (
 from studies.brake_force.beliefs import BELIEFS
 from studies.brake_force.findings import budget_rows, running_test_row
 from studies.brake_force.running_tests import TESTS
-from studies.brake_force.statements import brake_force_statements
+from studies.brake_force.statements import CLAIMS, brake_force_statements
 from studies.core.cell import Task
 from studies.core.study import EachEvent, Study
 
@@ -49,5 +49,6 @@ BRAKE_FORCE = Study(
     default_events=20,
     cells=EachEvent(cells),
     judge=brake_force_statements,
+    claims=CLAIMS,
     whole=True,
 )

@@ -3,8 +3,8 @@
 from studies.claims.events import DURATION, scenario
 from studies.claims.measures import measure
 from studies.claims.quantities import EVENTS
+from studies.claims.statements import CLAIMS as CLAIMED
 from studies.claims.statements import LAYERS, claim_statements
-from studies.claims.thresholds import TABLE
 from studies.core.arms import COMPARED
 from studies.core.drawn_events import complete
 from studies.core.job import Job
@@ -26,5 +26,5 @@ CLAIMS = Study(
     cells=EachEvent(cells),
     finish=EVENTS.joined,
     judge=lambda table: claim_statements(complete(table)),
-    thresholds=TABLE,
+    claims=CLAIMED,
 )

@@ -67,7 +67,9 @@ def sweep(
     all_failed = failed == len(table) > 0
     found = [] if all_failed or work.shard else chosen.statements(table)
     if as_json:
-        content = about(chosen, count, seed, folder, len(table), failed) | {"shard": work.shard}
+        content = about(chosen, count, seed, folder, len(table), failed, **settings) | {
+            "shard": work.shard
+        }
         content["statements"] = [statement.content() for statement in found]
         if chosen.shown:
             content["rows"] = rows_of(table)
@@ -78,7 +80,7 @@ def sweep(
             screen.print(shown_rows(table, chosen.shown))
         for item in printed(found):
             screen.print(item)
-        if words := frozen_words(chosen, folder, seed):
+        if words := frozen_words(chosen, folder, seed, **settings):
             screen.print(words)
         screen.print(f"{counted(table, 'rows')}{of_shard(work)}; tables in {folder}")
     return ALL_FAILED if all_failed else 0

@@ -1,12 +1,10 @@
 """Statements of the sweep over constant rails: does slip stay bounded, and does torque settle?"""
 
-from collections.abc import Mapping
-
 import pandas as pd
 
 from studies.constant_rail.events import SHAPES
+from studies.core.claims import AT_MOST, Claim, conjunction, how_many
 from studies.core.statement import Statement
-from studies.core.verdict import LEAST_EVENTS, Numbers, decided
 
 CONTROLLERS = ("mpc", "perturb-observe", "cut-and-ramp")
 """The MPC, and for comparison one that steps and one whose nature a limit cycle is."""
@@ -21,42 +19,39 @@ AMPLITUDES = {
 }
 
 
+def _shares(which: str, words: str) -> dict[str, str]:
+    """Share of the rails, and of those of each curve."""
+    found = {f"share of rails {words}": which}
+    return found | {f"{words}, {curve}": f"{which} if curve == {curve}" for curve in SHAPES}
+
+
+def claims_of(controller: str) -> tuple[Claim, Claim]:
+    """What is claimed of a controller on every rail."""
+    beyond, cycling = f"greatest_slip > {SLIP:g}", f"beside_swing > {CYCLE}"
+    limited = {text: name for name, text in AMPLITUDES.items()} | _shares(cycling, "that cycle")
+    return (
+        Claim(
+            f"slip: {controller}", f"on constant rail no axle slips by more than {SLIP:g} m/s", beyond, AT_MOST, exact=True,
+            reason="slip stays bounded", show=how_many("on", "rails"), method="holds if it does on every rail",
+            numbers={"greatest slip [m/s]": "greatest_slip", **_shares(beyond, f"beyond {SLIP:g} m/s")},
+        ),
+        Claim(
+            f"rest: {controller}", f"on constant rail torque does not cycle by {CYCLE:.1%} or more beside the swing",
+            cycling, AT_MOST, exact=True, reason="torque comes to rest", show=how_many("on", "rails"),
+            only="beside_swing == beside_swing",
+            numbers={text: f"{name} if beside_swing == beside_swing" for text, name in limited.items()},
+            method="units that are limited through the last 3 s; holds if it does on every rail",
+        ),
+    )  # fmt: skip
+
+
+CLAIMS = tuple(claim for controller in CONTROLLERS for claim in claims_of(controller))
+
+
 def constant_rail_statements(table: pd.DataFrame) -> list[Statement]:
     """Two statements per controller, on rows that are ok."""
     return [
-        one
+        conjunction(table[table["controller"] == controller], claim)
         for controller in CONTROLLERS
-        for one in _statements(table[table["controller"] == controller], controller)
+        for claim in claims_of(controller)
     ]
-
-
-def _statements(rows: pd.DataFrame, controller: str) -> list[Statement]:
-    limited = rows[rows["beside_swing"].notna()]
-    beyond, cycling = rows["greatest_slip"] > SLIP, limited["beside_swing"] > CYCLE
-    slips: Numbers = {
-        "greatest slip [m/s]": rows["greatest_slip"],
-        **_shares(rows, beyond, f"beyond {SLIP:g} m/s"),
-    }
-    swings: Numbers = {text: limited[name] for name, text in AMPLITUDES.items()}
-    return [
-        decided(
-            f"slip: {controller}", f"on constant rail no axle slips by more than {SLIP:g} m/s",
-            {f"{int(beyond.sum())} of {len(rows)} rails": not beyond.any()}, slips,
-            "holds if it does on every rail", enough=len(rows) >= LEAST_EVENTS,
-        ),
-        decided(
-            f"rest: {controller}", f"on constant rail torque does not cycle by {CYCLE:.1%} or more beside the swing",
-            {f"{int(cycling.sum())} of {len(limited)} rails": not cycling.any()},
-            {**swings, **_shares(limited, cycling, "that cycle")},
-            "units that are limited through the last 3 s; holds if it does on every rail",
-            enough=len(limited) >= LEAST_EVENTS,
-        ),
-    ]  # fmt: skip
-
-
-def _shares(
-    rows: pd.DataFrame, which: "pd.Series[bool]", words: str
-) -> Mapping[str, "pd.Series[bool]"]:
-    """Share of the rails, and of those of each curve."""
-    found = {f"share of rails {words}": which}
-    return found | {f"{words}, {curve}": which[rows["curve"] == curve] for curve in SHAPES}

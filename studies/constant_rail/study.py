@@ -2,7 +2,7 @@
 
 from studies.constant_rail.events import DURATION, EVENTS, scenario
 from studies.constant_rail.measures import measure
-from studies.constant_rail.statements import CONTROLLERS, constant_rail_statements
+from studies.constant_rail.statements import CLAIMS, CONTROLLERS, constant_rail_statements
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 from studies.ladder.study import RULE
@@ -21,4 +21,5 @@ CONSTANT_RAIL = Study(
     cells=EachEvent(cells),
     finish=EVENTS.joined,
     judge=lambda table: constant_rail_statements(table[table["status"] == "ok"]),
+    claims=CLAIMS,
 )

@@ -22,7 +22,7 @@ VERDICTS = (HOLDS, CONDITIONS, FAILS, UNDECIDED, TOO_FEW)
 """Every verdict. Undecided: the interval contains the threshold. The last: too few events bear on the claim."""
 
 CONFIDENCE = 0.95
-"""Confidence of every interval that is printed; verdicts on several claims use wider ones (see `studies.core.family`)."""
+"""Confidence of every interval that is printed; verdicts on several claims use wider ones (see `studies.core.claims`)."""
 INTERVALS_OF_MEANS = "means with a bootstrap of the events, verdicts by Student's t"
 """How intervals of means are made, in the words of a statement's method."""
 LEAST_AGREEMENT = 0.95

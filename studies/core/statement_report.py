@@ -12,6 +12,7 @@ from rich.table import Table
 
 from alloc.recording import provenance
 from alloc.sources import code_hash
+from studies.core.claims import fingerprint, frozen
 from studies.core.statement import (
     CONDITIONS,
     CONFIDENCE,
@@ -23,7 +24,6 @@ from studies.core.statement import (
     Tested,
 )
 from studies.core.study import Study
-from studies.core.threshold import fingerprint, frozen
 
 COLOURS = {HOLDS: "green", CONDITIONS: "yellow", FAILS: "red", UNDECIDED: "blue"}
 
@@ -34,7 +34,7 @@ def printed(statements: list[Statement]) -> list[Group]:
 
 
 def about(
-    study: Study, events: int, seed: int, folder: Path, rows: int, failed: int
+    study: Study, events: int, seed: int, folder: Path, rows: int, failed: int, **settings: object
 ) -> dict[str, Any]:
     """What a sweep was: events, seed, table, thresholds, code and versions."""
     return {
@@ -45,18 +45,19 @@ def about(
         "rows": rows,
         "failed": failed,
         "confidence": CONFIDENCE,
-        "thresholds": fingerprint(study.thresholds) if study.thresholds else None,
+        "thresholds": fingerprint(claims) if (claims := study.claimed(**settings)) else None,
         "thresholds_since": frozen(folder, seed),
         "code": code_hash("studies.core.job"),
         **provenance(),
     }
 
 
-def frozen_words(study: Study, folder: Path, seed: int) -> str:
+def frozen_words(study: Study, folder: Path, seed: int, **settings: object) -> str:
     """Which thresholds judged events of `seed`, and whether others stood before them; empty for a study without."""
-    if not study.thresholds:
+    claims = study.claimed(**settings)
+    if not claims:
         return ""
-    now = fingerprint(study.thresholds)
+    now = fingerprint(claims)
     since = frozen(folder, seed)
     others = [f"{one} since {when}" for one, when in since.items() if one != now]
     words = f"thresholds {now}, with seed {seed} since {since[now]}"

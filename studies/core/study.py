@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from inspect import signature
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
@@ -10,11 +11,11 @@ import pandas as pd
 
 from alloc.display import displayed
 from studies.core.cell import Cell, OnRow, key_of
+from studies.core.claims import Claim, freeze
 from studies.core.runner import run_cells
 from studies.core.shard import ALL, Shard
 from studies.core.statement import Statement
 from studies.core.store import Store
-from studies.core.threshold import Threshold, freeze
 from studies.core.workers import Jobs, workers
 from studies.files.study_error import StudyError
 
@@ -52,8 +53,9 @@ class Study:
     """Settings that the command line may give, by their names in `studies.command_line.options`."""
     shown: Mapping[str, str] = field(default_factory=dict)
     """Columns that `readhesion sweep` prints of every row, each with its heading. With `--json` it gives all of them."""
-    thresholds: Sequence[Threshold] = ()
-    """Thresholds of its claims, stored beside the rows before the first event of a seed is drawn."""
+    claims: Sequence[Claim] | Callable[..., Sequence[Claim]] = ()
+    """What is claimed, or what gives it, called with those of the settings that it takes. What decides it is stored beside
+    the rows before the first event of a seed is drawn."""
 
     def run(
         self,
@@ -73,8 +75,8 @@ class Study:
         blocks = self._blocks(seed, events, shard, settings)
         blocks = chain([next(blocks)], blocks)  # what cannot be asked for leaves no folder behind
         store = Store(folder)
-        if self.thresholds:
-            freeze(store.folder, seed, self.thresholds)
+        if claims := self.claimed(**settings):
+            freeze(store.folder, seed, claims)
         tables: list[pd.DataFrame] = []
         with workers(jobs) as others:  # the same for all blocks and stages
             for cells, block in blocks:
@@ -86,6 +88,13 @@ class Study:
                 cells = [*cells, *stage(seed, events, table, **settings)]
                 table = run_cells(cells, store, others, on_row=on_row)
         return table if self.finish is None else self.finish(table, seed, events)
+
+    def claimed(self, **settings: object) -> Sequence[Claim]:
+        """What is claimed under these settings."""
+        if not callable(self.claims):
+            return self.claims
+        taken = signature(self.claims).parameters
+        return self.claims(**{name: one for name, one in settings.items() if name in taken})
 
     def _blocks(
         self, seed: int, events: int, shard: Shard, settings: Mapping[str, object]

@@ -14,10 +14,10 @@ import pyarrow.compute as pc
 
 from alloc.sources import write_whole
 from studies.core.checked_file import DIGITS, Gone, StoreWarning, read_checked
+from studies.core.claims import FOLDER
 from studies.core.parts import NAME, Parts
 from studies.core.single_table import TABLE, take_over
 from studies.core.store import ROWS, RUNS, Store
-from studies.core.threshold import FOLDER
 from studies.files.study_error import StudyError
 
 MEASURED = ("wall_time", "solve_time", "rule_time", "controller_time", "controller_median", "controller_p99",

@@ -82,6 +82,11 @@ def no_worse(verdict: str, reference: str) -> Met:
     return None if verdict == UNDECIDED else False
 
 
+def unmet(words: str, met: Met = False) -> str:
+    """A condition of a statement: that what these words name is not met, or that it is undecided whether it is."""
+    return f"not shown {words}" if met is None else f"not {words}"
+
+
 def agreement(rows: Iterable[Any], verdict: Callable[[Any], str]) -> float:
     """Share of rows that have the verdict of the first, which is not counted; nan where that has too few events."""
     drawn, *others = rows
@@ -141,7 +146,7 @@ def decided(
     some: bool = False,
     enough: bool = True,
 ) -> Statement:
-    """A statement over conditions, by `decide`: the words of those that are not met are its conditions.
+    """A statement over what must be met, by `decide`: its conditions are what is not met, by the words of each.
 
     `some`: with conditions where something essential is met. A bound on fewer than `LEAST_EVENTS` events is not enough.
     """
@@ -159,13 +164,13 @@ def decided(
         needed = found[: len(essential)]
         return decide(needed, found[len(essential) :], partly or (some and any(needed)), enough)
 
-    unmet = [(words, one) for (words, _), one in zip(items, met(rows[0]), strict=True) if words and not one]  # fmt: skip
+    found = zip(items, met(rows[0]), strict=True)
     return Statement(
         name,
         claim,
         verdict(rows[0]),
         intervals_of(numbers),
-        tuple(words if one is not None else f"{words} (undecided)" for words, one in unmet),
+        tuple(unmet(words, one) for (words, _), one in found if words and not one),
         method,
         agreement=agreement(rows, verdict) if bounds else math.nan,
     )
@@ -179,55 +184,13 @@ def over_cases(
     method: str = "",
     enough: bool = True,
 ) -> Statement:
-    """A statement over cases of equal weight: with conditions where only some are met; the conditions name those not met."""
+    """A statement over cases of equal weight: with conditions where only some are met."""
     return decided(name, claim, met, numbers, method, some=True, enough=enough)
-
-
-def survives(
-    name: str,
-    claim: str,
-    finding: Statement,
-    arms: Mapping[str, Statement],
-    without: str,
-    method: str,
-) -> Statement:
-    """Whether a finding also appears in other arms: its verdict there is no worse than the original one, `without`."""
-    return over_cases(
-        name,
-        claim,
-        {arm: no_worse(one.verdict, finding.verdict) for arm, one in arms.items()},
-        {
-            f"{arm}: {quantity}": one.numbers[quantity]
-            for arm, one in ({without: finding} | dict(arms)).items()
-            for quantity in list(one.numbers)[:1]
-        },
-        method,
-        has_events(finding) and all(has_events(one) for one in arms.values()),
-    )
 
 
 def with_and_without(met: Mapping[str, bool]) -> tuple[str, ...]:
     """Conditions in words: the cases with which it holds, and then those with which it does not."""
     return (
         *(f"with {case}" for case, holds in met.items() if holds),
-        *(f"not with {case}" for case, holds in met.items() if not holds),
-    )
-
-
-BOUNDS_METHOD = (
-    "mean over days with its 95 % interval, which must lie wholly within the bound stated"
-)
-
-
-def judged(name: str, claim: str, bounds: Sequence[Bound], note: str = "") -> Statement:
-    """A statement over bounds: the first is essential, the others are conditions."""
-    words = {f"not within its bound: {bound.text} ({bound.words})": bound for bound in bounds}
-    first = next(iter(words))
-    return decided(
-        name,
-        claim,
-        {first: words.pop(first)},
-        {b.text + (f" ({b.words})" if b.words else ""): b.values.astype(float) for b in bounds},
-        BOUNDS_METHOD + (f"; {note}" if note else ""),
-        words,
+        *(unmet(f"with {case}") for case, holds in met.items() if not holds),
     )

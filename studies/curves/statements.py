@@ -6,7 +6,7 @@ import pandas as pd
 
 from studies.core.arms import Arm, arm_difference
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
-from studies.core.verdict import Bound, agreement, decide, intervals_of, sides_of
+from studies.core.verdict import Bound, agreement, decide, intervals_of, sides_of, unmet
 
 CURVES: dict[str, dict[str, Any]] = {
     "piecewise": {"kind": "piecewise"},
@@ -77,7 +77,7 @@ def _statement(table: pd.DataFrame, pair: Pair, metric: str) -> Statement:
         verdict(rows[0]),
         intervals_of(found),
         tuple(
-            f"the other way round with {curve}" if s * base < 0 else f"{direction[s]} with {curve}"
+            unmet(f"with {curve}: {'the other way round' if s * base < 0 else direction[s]}")
             for curve, s in signs.items() if s != base
         ),
         "mean of paired differences; holds if its sign is that of the piecewise curve under all, does not where one is "

@@ -48,7 +48,10 @@ def _kind(kind: str, problems: pd.DataFrame, events: pd.DataFrame) -> Statement:
     chosen = (problems["kind"] == kind) & (problems["rule"] == "greedy") & problems["within_reach"]
     rows = problems[chosen]
     short, over = (rows[name].astype(float) > MATTERS for name in ("short", "over"))
-    said = f"short by {MATTERS:.0%} of the plan in {short.mean():.1%} of the problems, over by it in {over.mean():.1%}"
+    said = (
+        f"everywhere: short by {MATTERS:.0%} of the plan in {short.mean():.1%} of the problems, "
+        f"over by it in {over.mean():.1%}"
+    )
     return decided(
         f"greedy: {kind}", f"greedy delivers what the exact level does, {kind}",
         {"": Bound("", short, most=RARE)},

@@ -1,21 +1,13 @@
-"""Statements of the study `headroom`: gain of each rule over alone, by headroom and train; whether the goals are met."""
+"""Claims of the study `headroom`: gain of each rule over alone, by headroom and train; whether the goals are met."""
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import pandas as pd
 
-from alloc.metrics.registry import range_of
+from studies.core.arms import COMPARED
+from studies.core.claims import AT_LEAST, AT_MOST, Claim, family, quantity
 from studies.core.drawn_events import paired
-from studies.core.family import Claim, Part, Test, compared
-from studies.core.statement import (
-    CONFIDENCE,
-    INTERVALS_OF_MEANS,
-    Statement,
-    column_interval,
-    in_words,
-)
-from studies.core.verdict import Numbers
+from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement, in_words
 from studies.headroom.what_makes_room import TRAINS
 
 BASE, BOUND = "alone", "oracle"
@@ -68,101 +60,99 @@ def rules_of(events: pd.DataFrame) -> tuple[str, ...]:
     return tuple(rule for rule in RULES if f"bound_use@{rule}" in events)
 
 
+def _between(name: str) -> str:
+    low, high = STRATA[name]
+    return f"headroom > {low:g} and headroom <= {high:g}"
+
+
 def in_stratum(events: pd.DataFrame, name: str) -> "pd.Series[bool]":
     """Events of a stratum."""
-    low, high = STRATA[name]
-    return (events["headroom"] > low) & (events["headroom"] <= high)
+    found: pd.Series[bool] = quantity(events, _between(name))
+    return found
 
 
-def _stratum(name: str) -> Part:
-    return lambda events: in_stratum(events, name)
-
-
-def _column(column: str, value: str) -> Part:
-    return lambda events: events[column] == value
-
-
-PARTS: dict[str, Part] = {
-    **{f"headroom of {name}": _stratum(name) for name in STRATA},
-    **{name: _column("train", name) for name in TRAINS},
-    "a narrow peak (piecewise)": _column("curve", "piecewise"),
-    "a wide peak (Polach)": _column("curve", "polach"),
+BY_TRAIN_AND_PEAK = {
+    **{name: f"train == '{name}'" for name in TRAINS},
+    "a narrow peak (piecewise)": "curve == piecewise",
+    "a wide peak (Polach)": "curve == polach",
 }
+PARTS = {f"headroom of {name}": _between(name) for name in STRATA} | BY_TRAIN_AND_PEAK
+
+
+def more(rule: str, metric: str = "plan_use") -> str:
+    """A metric of `rule` less that of alone."""
+    return f"{metric}@{rule} - {metric}@{BASE}"
 
 
 def gain(events: pd.DataFrame, rule: str, metric: str = "plan_use") -> "pd.Series[float]":
     """A metric of `rule` less that of alone, event by event."""
-    less: pd.Series[float] = events[f"{metric}@{rule}"] - events[f"{metric}@{BASE}"]
-    return less.astype(float)
+    return quantity(events, more(rule, metric)).astype(float)
 
 
-def gained(events: pd.DataFrame, rule: str) -> "pd.Series[float]":
-    """Numbers whose mean is the gain over the headroom, of all events together, and whose spread is that of this ratio."""
-    worth = events[events["headroom"] > WORTH_SHARING]
-    gains, room = gain(worth, rule), worth["headroom"].astype(float)
-    share = gains.sum() / room.sum() if len(worth) else math.nan
-    numbers: pd.Series[float] = share + (gains - share * room) / room.mean()
-    return numbers
+def share_gained(rule: str) -> str:
+    """The mean gain over the mean headroom, of events with a headroom that is worth sharing."""
+    return f"{more(rule)} per headroom if headroom > {WORTH_SHARING}"
+
+
+def _numbers(rule: str) -> dict[str, str]:
+    return {
+        "bound used": f"bound_use@{rule}",
+        **{f"bound used, {name}": f"bound_use@{rule} if {_between(name)}" for name in STRATA},
+        "bound used, alone": f"bound_use@{BASE}",
+        "lost by controllers at the units they limit": f"held_back@{rule}",
+        "left by the sharing": f"1 - bound_use@{rule} - held_back@{rule}",
+        f"share of headroom gained, above {100 * WORTH_SHARING:g} point": share_gained(rule),
+        **{f"gain over plan, {name}": f"{more(rule)} if {_between(name)}" for name in STRATA},
+        "delivered beyond the plan": f"over_delivery@{rule}",
+        **{f"{text}, less alone": more(rule, metric) for metric, text in COSTS.items()},
+    }
+
+
+def claims_of(controller: str, rules: Iterable[str] = RULES) -> list[Claim]:
+    """What is claimed under a controller: what each of these rules gains, and the goals of this project's own."""
+    gains = [
+        Claim(
+            f"{rule}, {controller}", f"{rule} delivers more of the plan than alone under {controller}", more(rule),
+            reason="sharing is there to deliver more", parts=PARTS, show=POINTS, numbers=_numbers(rule), method=METHOD,
+        )
+        for rule in rules if rule in SHARERS
+    ]  # fmt: skip
+    costs = [
+        Claim(f"{COSTS[metric]}, less alone", mean=more(OWN, metric), side=AT_MOST,
+              reason="what is won is not paid for elsewhere")
+        for metric in ("slip_time", "damage")
+    ]  # fmt: skip
+    excess = Claim(
+        "delivery beyond the plan", mean=f"over_delivery@{OWN}", side=AT_MOST, value=GOAL_OF_EXCESS,
+        reason="what exceeds the plan is no use of the bound",
+    )  # fmt: skip
+    return [
+        *gains,
+        Claim(
+            f"bound, {controller}",
+            f"{OWN} uses {GOAL_OF_BOUND:.1%} of the bound under {controller}, at no more slip and wheel damage than alone",
+            f"bound_use@{OWN}", AT_LEAST, GOAL_OF_BOUND, reason="goal of this project", parts=PARTS, show=PERCENT,
+            besides=(*costs, excess), numbers=_numbers(OWN), method=METHOD,
+        ),
+        Claim(
+            f"headroom gained, {controller}",
+            f"{OWN} gains {GOAL_OF_HEADROOM:.0%} of a headroom above {100 * WORTH_SHARING:g} point under {controller}",
+            share_gained(OWN), AT_LEAST, GOAL_OF_HEADROOM, reason="goal of this project", parts=BY_TRAIN_AND_PEAK,
+            show=PERCENT, method=METHOD,
+            numbers={
+                name: f"{more(OWN)} per headroom if {part} and headroom > {WORTH_SHARING}"
+                for name, part in BY_TRAIN_AND_PEAK.items()
+            },
+        ),
+    ]  # fmt: skip
+
+
+def headroom_claims(controllers: Iterable[str] = COMPARED) -> list[Claim]:
+    """What is claimed under these controllers."""
+    return [claim for controller in controllers for claim in claims_of(controller)]
 
 
 def headroom_statements(table: pd.DataFrame) -> list[Statement]:
     """Per controller: what each rule gains, and the goals of this project's own; all of them are one family."""
-    claims = []
-    for controller in dict.fromkeys(table["controller"]):
-        events = pairs_of(table, controller)
-        claims += [_gain(events, rule, controller) for rule in rules_of(events) if rule in SHARERS]
-        claims += [_goal_of_bound(events, controller), _goal_of_headroom(events, controller)]
-    return compared(claims)
-
-
-def _numbers(events: pd.DataFrame, rule: str) -> Numbers:
-    strata = {name: events[in_stratum(events, name)] for name in STRATA}
-    return {
-        "bound used": column_interval(events, f"bound_use@{rule}"),
-        **{
-            f"bound used, {name}": column_interval(own, f"bound_use@{rule}")
-            for name, own in strata.items()
-        },
-        "bound used, alone": column_interval(events, f"bound_use@{BASE}"),
-        "lost by controllers at the units they limit": column_interval(events, f"held_back@{rule}"),
-        "left by the sharing": 1.0 - events[f"bound_use@{rule}"] - events[f"held_back@{rule}"],
-        f"share of headroom gained, above {100 * WORTH_SHARING:g} point": gained(events, rule),
-        **{f"gain over plan, {name}": gain(own, rule) for name, own in strata.items()},
-        "delivered beyond the plan": column_interval(events, f"over_delivery@{rule}"),
-        **{f"{text}, less alone": gain(events, rule, metric) for metric, text in COSTS.items()},
-    }
-
-
-def _gain(events: pd.DataFrame, rule: str, controller: str) -> Claim:
-    return Claim(
-        f"{rule}, {controller}", f"{rule} delivers more of the plan than alone under {controller}",
-        events, Test(lambda e: gain(e, rule)), PARTS, POINTS, _numbers(events, rule), METHOD,
-    )  # fmt: skip
-
-
-def _cost(metric: str) -> Test:
-    return Test(lambda e: gain(e, OWN, metric), wanted=-1)
-
-
-def _goal_of_bound(events: pd.DataFrame, controller: str) -> Claim:
-    costs = [(f"{COSTS[metric]}, less alone", _cost(metric)) for metric in ("slip_time", "damage")]
-    use = Test(lambda e: e[f"bound_use@{OWN}"], GOAL_OF_BOUND, within=range_of("bound_use"))
-    excess = Test(
-        lambda e: e[f"over_delivery@{OWN}"], GOAL_OF_EXCESS, -1, range_of("over_delivery")
-    )
-    return Claim(
-        f"bound, {controller}",
-        f"{OWN} uses {GOAL_OF_BOUND:.1%} of the bound under {controller}, at no more slip and wheel damage than alone",
-        events, use, PARTS, PERCENT, _numbers(events, OWN), METHOD,
-        [*costs, ("delivery beyond the plan", excess)],
-    )  # fmt: skip
-
-
-def _goal_of_headroom(events: pd.DataFrame, controller: str) -> Claim:
-    trains = {name: part for name, part in PARTS.items() if not name.startswith("headroom")}
-    return Claim(
-        f"headroom gained, {controller}",
-        f"{OWN} gains {GOAL_OF_HEADROOM:.0%} of a headroom above {100 * WORTH_SHARING:g} point under {controller}",
-        events, Test(lambda e: gained(e, OWN), GOAL_OF_HEADROOM), trains, PERCENT,
-        {name: gained(events[part(events)], OWN) for name, part in trains.items()}, METHOD,
-    )  # fmt: skip
+    found = {one: pairs_of(table, one) for one in dict.fromkeys(table["controller"])}
+    return family(*((events, claims_of(one, rules_of(events))) for one, events in found.items()))

@@ -9,7 +9,7 @@ from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 from studies.headroom.events import DURATION, scenario
 from studies.headroom.measures import measure
-from studies.headroom.statements import NEEDED, RULES, headroom_statements
+from studies.headroom.statements import NEEDED, RULES, headroom_claims, headroom_statements
 from studies.headroom.what_makes_room import EVENTS
 
 
@@ -34,5 +34,6 @@ HEADROOM = Study(
     cells=EachEvent(cells),
     finish=EVENTS.joined,
     judge=lambda table: headroom_statements(complete(table)),
+    claims=headroom_claims,
     options=("controllers",),
 )

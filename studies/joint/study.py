@@ -7,7 +7,7 @@ from studies.claims.measures import measure
 from studies.claims.quantities import event_name
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
-from studies.joint.statements import ARMS, OPTIMUM, joint_statements
+from studies.joint.statements import ARMS, CLAIMS, OPTIMUM, joint_statements
 
 
 def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
@@ -30,4 +30,5 @@ JOINT = Study(
     cells=EachEvent(cells),
     finish=numbered,
     judge=lambda table: joint_statements(table[table["status"] == "ok"]),
+    claims=CLAIMS,
 )

@@ -2,14 +2,14 @@
 
 import pandas as pd
 
+from studies.core.claims import family
 from studies.core.drawn_events import complete, paired
-from studies.core.family import Claim, Part, Test, compared
 from studies.core.job import Job
 from studies.core.statement import Statement
 from studies.core.study import EachEvent, Study
 from studies.ladder.locomotive_events import DURATION, EVENTS, RAILS, STATES, scenario
 from studies.ladder.published import ARMS, BAR, PUBLISHED
-from studies.ladder.statements import METRICS, PERCENT, STUDENT, difference, yardstick
+from studies.ladder.statements import METRICS, better, yardstick
 from studies.ladder.study import RULE
 
 HOSTED = ("mpc", "mpc-car")
@@ -18,14 +18,21 @@ BELOW = "cut-and-ramp"
 """The simplest controller that responds to a slip signal: the difference from it shows what another one is worth."""
 
 
-def _kind(rail: str, motors: str) -> Part:
-    return lambda e: (e["rail"] == rail) & (e["motors"] == motors)
-
-
-PARTS: dict[str, Part] = {
-    f"{rail} rail, {motors}": _kind(rail, motors) for rail in RAILS for motors in STATES
+PARTS = {
+    f"{rail} rail, {motors}": f"rail == {rail} and motors == '{motors}'"
+    for rail in RAILS
+    for motors in STATES
 }
 """The six kinds."""
+PAIRS = (*((name, BELOW) for name in (*ARMS, "mpc") if name != BELOW), ("mpc-car", "mpc"))
+CLAIMS = (
+    *(yardstick(BAR, name, PARTS) for name in (*PUBLISHED, *HOSTED)),
+    *(
+        better(f"effort: {name}, {other}", f"{name} delivers more of the plan's effort than {other}",
+               "effort_ratio", name, other, PARTS)
+        for name, other in PAIRS
+    ),
+)  # fmt: skip
 
 
 def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
@@ -36,21 +43,7 @@ def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
 
 def locomotive_statements(table: pd.DataFrame) -> list[Statement]:
     """Statements on a table of this study, of events in which no controller failed."""
-    events = paired(table, "controller", list(METRICS), ("rail", "motors"))
-    pairs = [(name, BELOW) for name in (*ARMS, "mpc") if name != BELOW]
-    return compared([
-        *(yardstick(events, BAR, name, PARTS) for name in (*PUBLISHED, *HOSTED)),
-        *(_delivers(events, name, other) for name, other in (*pairs, ("mpc-car", "mpc"))),
-    ])  # fmt: skip
-
-
-def _delivers(events: pd.DataFrame, name: str, other: str) -> Claim:
-    return Claim(
-        f"effort: {name}, {other}", f"{name} delivers more of the plan's effort than {other}",
-        events, Test(lambda e: difference(e, "effort_ratio", name, other)), PARTS, PERCENT,
-        {f"{text}, less {other}": difference(events, metric, name, other) for metric, text in METRICS.items()},
-        f"mean of paired differences above 0; {STUDENT}, parts after Bonferroni",
-    )  # fmt: skip
+    return family((paired(table, "controller", list(METRICS), ("rail", "motors")), CLAIMS))
 
 
 LOCOMOTIVE_STUDY = Study(
@@ -60,4 +53,5 @@ LOCOMOTIVE_STUDY = Study(
     cells=EachEvent(cells),
     finish=EVENTS.joined,
     judge=lambda table: locomotive_statements(complete(table)),
+    claims=CLAIMS,
 )

@@ -5,26 +5,16 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from studies.core.claims import Claim, family
 from studies.core.drawn_events import paired
-from studies.core.family import Claim, Part, Test, compared
 from studies.core.statement import Statement
-from studies.ladder.statements import (
-    METRICS,
-    PARTS,
-    PERCENT,
-    SECONDS,
-    STUDENT,
-    difference,
-    yardstick,
-)
+from studies.ladder.statements import DRAWN, METRICS, PARTS, PERCENT, SECONDS, better, yardstick
 
 PUBLISHED = ("fuzzy-creep", "fuzzy-tracking", "swarm-tracking", "swarm-slip", "cubature-seeking")
 """Built after abstracts of others; each file in `alloc/onboard/controllers` says what had to be assumed."""
 COMPARED = ("cut-and-ramp", "pi-creep", "perturb-observe", "steepest-gradient")
 """Rungs of the ladder that they are put beside."""
 ARMS = (*COMPARED, *PUBLISHED)
-DRAWN = ("train", "curve", "scatter", "patch_factor")
-"""What `PARTS` ask of an event."""
 BAR = 0.90
 """Share of the adhesion that Applied Sciences 15(19), 10524 states for its cubature filter with extremum seeking."""
 
@@ -53,27 +43,28 @@ SAID = (
 """What the sources put their controllers above, in the metric that is nearest to their words."""
 
 
-def published_statements(
-    table: pd.DataFrame, parts: Mapping[str, Part] = PARTS, drawn: tuple[str, ...] = DRAWN
-) -> list[Statement]:
-    """Statements on a table of events under `ARMS` in which no controller failed; `parts` divide by what was `drawn`."""
-    events = paired(table, "controller", list(METRICS), drawn)
-    return compared([
-        *(yardstick(events, BAR, name, parts) for name in PUBLISHED),
-        *(above(events, one, parts) for one in SAID),
-    ])  # fmt: skip
-
-
-def above(events: pd.DataFrame, one: Above, parts: Mapping[str, Part]) -> Claim:
-    """The claim that a controller is better than another, by paired differences."""
-    text = METRICS[one.metric]
-    way = "more" if one.better > 0 else "less"
-    test = Test(
-        lambda e: difference(e, one.metric, one.name, one.other), wanted=1 if one.better > 0 else -1
-    )
-    return Claim(
-        f"{text}: {one.name}, {one.other}", f"{one.name} has {way} {text} than {one.other} ({one.source})",
-        events, test, parts, PERCENT if one.metric == "utilisation_short" else SECONDS,
-        {f"{words}, less {one.other}": difference(events, metric, one.name, one.other) for metric, words in METRICS.items()},
-        f"mean of paired differences {'above' if one.better > 0 else 'below'} 0; {STUDENT}, parts after Bonferroni",
+def published_claims(parts: Mapping[str, str] = PARTS) -> tuple[Claim, ...]:
+    """What is claimed of others' controllers over events with these parts."""
+    return (
+        *(yardstick(BAR, name, parts) for name in PUBLISHED),
+        *(
+            better(
+                f"{METRICS[one.metric]}: {one.name}, {one.other}",
+                f"{one.name} has {'more' if one.better > 0 else 'less'} {METRICS[one.metric]} than {one.other} "
+                f"({one.source})",
+                one.metric, one.name, one.other, parts, one.better > 0,
+                PERCENT if one.metric == "utilisation_short" else SECONDS, one.source,
+            )
+            for one in SAID
+        ),
     )  # fmt: skip
+
+
+CLAIMS = published_claims()
+
+
+def published_statements(
+    table: pd.DataFrame, claims: tuple[Claim, ...] = CLAIMS, drawn: tuple[str, ...] = DRAWN
+) -> list[Statement]:
+    """Statements on a table of events under `ARMS` in which no controller failed; parts divide by what was `drawn`."""
+    return family((paired(table, "controller", list(METRICS), drawn), claims))

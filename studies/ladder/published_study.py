@@ -5,7 +5,7 @@ from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 from studies.ladder.events import DURATION, EVENTS, scenario
 from studies.ladder.measures import measure
-from studies.ladder.published import ARMS, published_statements
+from studies.ladder.published import ARMS, CLAIMS, published_statements
 from studies.ladder.study import RULE
 
 
@@ -22,4 +22,5 @@ PUBLISHED_STUDY = Study(
     cells=EachEvent(cells),
     finish=EVENTS.joined,
     judge=lambda table: published_statements(complete(table)),
+    claims=CLAIMS,
 )

@@ -5,7 +5,7 @@ from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 from studies.ladder.events import DURATION, EVENTS, scenario
 from studies.ladder.measures import measure
-from studies.ladder.statements import LADDER, ladder_statements
+from studies.ladder.statements import CLAIMS, LADDER, ladder_statements
 
 RULE = "alone"
 """Units exchange nothing: the result of a run depends on its readhesion controller alone."""
@@ -24,4 +24,5 @@ LADDER_STUDY = Study(
     cells=EachEvent(cells),
     finish=EVENTS.joined,
     judge=lambda table: ladder_statements(complete(table)),
+    claims=CLAIMS,
 )

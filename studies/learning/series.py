@@ -2,7 +2,6 @@
 
 import pandas as pd
 
-from studies.core.family import Part
 from studies.learning.starts import KINDS, Kind
 
 TOLERANCE = 0.002
@@ -12,11 +11,10 @@ COARSE = 0.005
 SERIES = [*Kind._fields, "train", "direction"]
 
 
-def _of(kind: Kind) -> Part:
-    return lambda series: (series[list(kind._fields)] == list(kind)).all(axis=1)
-
-
-PARTS: dict[str, Part] = {kind.words: _of(kind) for kind in KINDS}
+PARTS = {
+    kind.words: f"rail == {kind.rail} and stored == '{kind.stored}' and case == '{kind.case}'"
+    for kind in KINDS
+}
 """The kinds of series."""
 
 

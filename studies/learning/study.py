@@ -4,7 +4,7 @@ from alloc.estimation.increments import DIRECTIONS
 from studies.core.cell import Task
 from studies.core.study import Study
 from studies.learning.starts import DURATION, STATIONS, series_of_train, series_rows
-from studies.learning.statements import learning_statements
+from studies.learning.statements import CLAIMS, learning_statements
 
 
 def cells(seed: int, starts: int, duration: float = DURATION) -> list[Task]:
@@ -28,4 +28,5 @@ LEARNING = Study(
     step=len(DIRECTIONS) * STATIONS,  # a whole train
     cells=cells,
     judge=learning_statements,
+    claims=CLAIMS,
 )

@@ -132,6 +132,14 @@ def _late_forces(table: pd.DataFrame, g: Generator) -> Drawn:
     return spoil.shifted(table, spoil.forces_of(table), late), f"{late:+.2f} s"
 
 
+def _wrong_forces(table: pd.DataFrame, g: Generator) -> Drawn:
+    names = spoil.forces_of(table)
+    factors = 1.0 + 0.05 * g.standard_normal(len(names))
+    return table.assign(
+        **{name: table[name] * f for name, f in zip(names, factors, strict=True)}
+    ), "by 5 %"
+
+
 def _late_axles(table: pd.DataFrame, g: Generator) -> Drawn:
     late = g.uniform(0.05, 0.4)
     return spoil.rear_late(table, late), f"{late:.2f} s"
@@ -254,6 +262,7 @@ DEFECTS: dict[str, Defect] = {
     "forces late or early": _of_table("delay", _late_forces),
     "forces at the rail": Defect(_at_the_rail, frozenset({"guess"})),
     "forces in lbf called kN": _of_table("balance", partial(_wrong_unit, 224.809, spoil.forces_of), True),
+    "forces wrong, each by its own": _of_table("balance", _wrong_forces),
     "one force reversed": _of_table("sign balance", _one_sign),
     "all forces reversed": _of_table("sign balance", _all_signs),
     "outliers": _of_table("faulty", _outliers),

@@ -46,7 +46,7 @@ def _clean(rows: pd.DataFrame, name: str, what: str) -> Statement:
     wrong = ~_is(rows, "right")
     return decided(
         name, f"{what} gives the simulator's Q within {TOLERANCE:.0%}",
-        {f"{int(wrong.sum())} of {len(rows)} logs": not wrong.any()},
+        {f"in {int(wrong.sum())} of {len(rows)} logs": not wrong.any()},
         {"share right": ~wrong, "error of Q, share": rows["error"], "share with a fault found": _is(rows, "remarked")},
         f"{RIGHT}; holds if it does in every log", enough=len(rows) >= LEAST_EVENTS,
     )  # fmt: skip
@@ -90,7 +90,7 @@ def _stated(rows: pd.DataFrame) -> Statement:
     covered, (least, most) = _is(rows, "covered"), COVERED
     return decided(
         "stated", f"{least:.0%} to {most:.0%} of the logs with a Q lie within twice the error that is stated",
-        {f"{covered.mean():.1%}": bool(least <= covered.mean() <= most)},
+        {f"with {covered.mean():.1%}": bool(least <= covered.mean() <= most)},
         {"share within twice the stated error": covered, "of the wrong ones": covered[~_is(rows, "right")]},
         "holds if the share lies there", enough=len(rows) >= LEAST_EVENTS,
     )  # fmt: skip
@@ -101,7 +101,7 @@ def _refused(table: pd.DataFrame) -> Statement:
     other, units = refused & ~_is(table, "proper"), table["defect"].str.contains(" called ")
     return decided(
         "refused", "no log is refused but for mistaken units and worn wheels",
-        {f"{int(other.sum())} of {len(table)} logs": not other.any()},
+        {f"in {int(other.sum())} of {len(table)} logs": not other.any()},
         {"share refused": refused, "share refused, mistaken units": refused[units]},
         "holds if no other is refused", enough=len(table) >= LEAST_EVENTS,
     )  # fmt: skip

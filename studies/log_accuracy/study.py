@@ -14,7 +14,7 @@ def cells(seed: int, k: int, logs: int = LOGS) -> list[Task]:
 LOG_ACCURACY = Study(
     name="log-accuracy",
     question="how right figures from logs are that recorders wrote with drawn defects, and what is said of wrong ones",
-    default_events=66,
+    default_events=68,
     cells=EachEvent(cells),
     judge=log_accuracy_statements,
 )

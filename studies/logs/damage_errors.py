@@ -25,9 +25,11 @@ CORRELATED = 5.0
 WINDOW = 0.2
 """Time [s] for which noise of a wheel or of a force persists."""
 PERMILLE = 1e-3
-LEAST = 4e-3
+LEAST = 2e-3
 """Error of Q, as a share, that every log has: by rounding, by forces between instants, by the load that pitch moves."""
 
+FORCES = 0.03
+"""Standard deviation of the measured force of an axle, as a share, beside what the momentum of the train says of all."""
 FILLED = 0.3
 """Error of what is filled in, as a share: 0.1 for gaps of half a second in simulated runs, 0.5 for two seconds."""
 
@@ -66,6 +68,8 @@ class DamageErrors:
     """Due to what happens between two instants."""
     by_filled: float
     """Due to what is filled in."""
+    by_forces: float
+    """Due to what forces of single axles may be wrong by."""
     of_radius: float
     """Change of Q if all wheels were larger by 1 per mille; it is not in `total`."""
     per_second: float
@@ -80,13 +84,13 @@ def damage_errors(
     axle_load: Floats,
     by_half: float = 0.0,
     of_car: float = 0.0,
-    damage: float = 0.0,
+    damage: Floats | float = 0.0,
     filled: float = 0.0,
 ) -> DamageErrors | None:
     """Errors of Q of a `run`, from the `coefficient` of its axles (instants, axles) and their load [N] (axles,).
 
-    `by_half` [J]: Q less that by every second instant. `damage`, `filled` [J]: Q, and the part of it that is filled in.
-    `of_car`: standard deviation of the speed of the cars against their train [m/s], which lasts throughout.
+    `by_half` [J]: Q less that by every second instant. `damage` [J]: Q of each axle (axles,). `filled` [J]: the part that is
+    filled in. `of_car`: standard deviation of the speed of the cars against their train [m/s], which lasts throughout.
     """
     time = run.time
     step = np.diff(time, append=time[-1])
@@ -124,9 +128,12 @@ def damage_errors(
     by_speed = float(np.hypot(by_speed, of_car * float(step @ np.abs(total))))
     by_sensors = float(np.sqrt(sensors))
     radius = PERMILLE * float(step @ (total * speed))
-    floor, by_filled = LEAST * abs(damage), FILLED * abs(filled)
-    squares = by_speed**2 + by_delay**2 + sensors + by_half**2 + floor**2 + by_filled**2
+    floor, by_filled = LEAST * abs(float(np.sum(damage))), FILLED * abs(filled)
+    by_forces = FORCES * float(np.linalg.norm(damage))
+    squares = (
+        by_speed**2 + by_delay**2 + sensors + by_half**2 + floor**2 + by_filled**2 + by_forces**2
+    )
     return DamageErrors(
-        float(np.sqrt(squares)), by_speed, by_delay, by_sensors, abs(by_half), by_filled, radius,
-        per_second, of_delay,
+        float(np.sqrt(squares)), by_speed, by_delay, by_sensors, abs(by_half), by_filled, by_forces,
+        radius, per_second, of_delay,
     )  # fmt: skip

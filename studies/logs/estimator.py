@@ -129,8 +129,8 @@ class Estimate:
     """Delay of the speed's channel and its standard deviation [s]."""
 
 
-FAR_OFF = 0.5
-"""Difference of a measured speed from that of the model [m/s] above which it is none."""
+FAR_OFF, NEAR, RARELY = 0.5, 0.05, 0.1
+"""Differences of a measured speed from that of the model [m/s] above which it is none: the smaller if rarely exceeded."""
 LEAST_LATE, LEAST_SCALE, LEAST_DELAY = 0.01, 5e-4, 4e-3
 """Delay of forces [s], scale of the speed and its delay [s] below which nothing is changed."""
 DELAY_FLOOR, SCALE_UNSURE = 1e-3, 1e-4
@@ -309,8 +309,10 @@ def _corrected(log: Log, found: Fit, names: dict[int, str]) -> Estimate:
         inside = (t + late <= z.time[-1]) & (t + late >= z.time[0]) & ~log.lost
         after = np.clip(np.searchsorted(z.time, t + late), 1, z.time.size - 1)
         inside &= z.time[after] - z.time[after - 1] < max(BRIDGED, 1.5 * z.period)
-        # a receiver without a fix says anything
-        inside &= np.abs(np.interp(t + late, z.time, z.value) / (1 + scale) - v) < FAR_OFF
+        # a receiver without a fix says anything, and one that has stopped repeats itself
+        apart = np.abs(np.interp(t + late, z.time, z.value) / (1 + scale) - v)
+        near = max(NEAR, 10.0 * found.noise)
+        inside &= apart < (near if np.mean(apart[inside] > near) < RARELY else FAR_OFF)
         v = np.where(inside, np.interp(t + late, z.time, z.value) / (1 + scale), v)
         followed = bool(late or scale)
     v = np.maximum(v, min(0.0, float(np.nanmin(log.rim))))  # a train rolls back as its wheels do

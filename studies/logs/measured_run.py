@@ -244,7 +244,7 @@ def analyse_run(
         small_events=tuple(sorted(small, key=lambda event: (event.start, event.axle))),
         least_slip=np.maximum(SMALL.velocity, CERTAIN * noise.slip),
         errors=damage_errors(
-            run, coefficient, train.axle_load, by_half, of_car, float(np.nansum(damage[-1])), filled
+            run, coefficient, train.axle_load, by_half, of_car, np.nan_to_num(damage[-1]), filled
         ),
         filled_damage=filled,
         over_car=over_car,

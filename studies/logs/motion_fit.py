@@ -18,13 +18,14 @@ numbers its border: time and memory grow with the length of a log. Time passes f
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
+from alloc.compilation import equation, jit
 from alloc.estimation.series import spans, usual_period
 from studies.logs.aligned_log import Log, evened, integral, parts_of
 from studies.logs.own_samples import SEEN, Samples
@@ -52,10 +53,10 @@ CREEP_UNSURE = 0.15
 """Standard deviation of creep, relative."""
 LEAST_RADIUS = 1e-3
 """Error of a radius below which nothing is changed."""
-WORN = 2e-3
+WORN = 2.5e-3
 """Error of rolling wheels' radii from which on they are worn; where a third of them is, the others count as worn too."""
-UNLIKE = 7e-3
-"""Mean difference of neighbouring wheels that always pull, relative, above which they count as worn."""
+UNLIKE = 2.6e-3
+"""Mean by which wheels that always pull are on the side to which none slips, relative, above which they count as worn."""
 
 
 @dataclass
@@ -123,8 +124,8 @@ class _Impulses:
         self.every = every = min(every, n)
         pulls = np.abs(log.force.sum(1)) > 1e-3 * load.sum()
         total, share, size = np.zeros(n), np.zeros(n), np.zeros(n)
-        turned, self.mu, self.free = np.zeros(n), np.zeros((m, a)), np.zeros((m, a), dtype=np.bool_)
-        self.wheel, span = np.full((m, a), np.nan), self.mean(np.append(np.diff(t), 1.0)) * every
+        turned, mu, free = np.zeros(n), np.zeros((m, a)), np.zeros((m, a), dtype=np.bool_)
+        wheel, span = np.full((m, a), np.nan), self.mean(np.append(np.diff(t), 1.0)) * every
         for i in range(a):
             own = log.rim[:, i] if log.turning[i] else first
             own = np.where(np.isfinite(own), own, np.maximum(first, 0.0))
@@ -140,14 +141,14 @@ class _Impulses:
             total += acting
             if log.turning[i]:
                 turned += own * (log.rotating[i] / mass)
-                self.wheel[:, i] = self.mean(log.against_train(i))
+                wheel[:, i] = self.mean(log.against_train(i))
             ends = own[: m * every].reshape(m, every)
             spent = (np.append(ends[1:, 0], ends[-1, -1]) - ends[:, 0]) / span
             force = self.mean(log.force[:, i])
-            self.mu[:, i] = np.clip(
+            mu[:, i] = np.clip(
                 (force - (not contact) * log.rotating[i] * spent) / load[i], -0.3, 0.3
             )
-            self.free[:, i] = np.abs(force) < 2e-3 * load[i]
+            free[:, i] = np.abs(force) < 2e-3 * load[i]
         self.time, self.total, self.moves, self.mass = t, total / mass, moves, mass
         self.turned = np.concatenate([[0.0], np.cumsum(np.diff(turned) * moves)]) * (not contact)
         self.given = integral(t, self.total, moves)
@@ -156,7 +157,7 @@ class _Impulses:
         resistance = np.zeros(3) if log.train.resistance is None else log.train.resistance.sum(0)
         self.resistance = resistance / mass
         demand = evened(total / load.sum(), 12)
-        self.side = self.mean(np.sign(demand) * (np.abs(demand) >= 2e-3))[:, None]
+        driven = self.mean(np.sign(demand) * (np.abs(demand) >= 2e-3))
         self.stands = self.mean(still.astype(float)) > 0.99
         self.mean_time, self.mean_passed = self.mean(t), self.mean(self.passed)
         self.mean_turned = self.mean(self.turned)
@@ -179,6 +180,11 @@ class _Impulses:
             outer = (inside < ENDS) | (inside >= self.walk.size - ENDS)
             self.walk[outer] = np.maximum(self.walk[outer], WALK_ENDS**2 * KNOT)
         self.hats = self.hats_at(self.mean_passed)
+        fine = np.where(log.span > 0, log.noise, log.noise / np.sqrt(every))
+        self.wheels = Wheels(
+            np.nan_to_num(wheel), np.isfinite(wheel), mu, free, driven, fine**2 + 3e-4**2,
+            self.hats.indices[::2].astype(np.int64), self.hats.data[1::2],
+        )  # fmt: skip
 
     def mean(self, x: Floats) -> Floats:
         """Means over cells."""
@@ -215,7 +221,8 @@ class Posterior:
     def __init__(self, band: Floats, side: Floats, corner: Floats) -> None:
         self.factor, self.side = cholesky_banded(band, check_finite=False), side
         self.beside = cho_solve_banded((self.factor, False), side, check_finite=False)
-        self.corner = corner - side.T @ self.beside
+        # (threads of a BLAS take longer to meet than this takes)
+        self.corner = corner - np.einsum("ki,kj->ij", side, self.beside)
         self.hats: csr_array | None = None
         self.columns: dict[int, Floats] = {}
 
@@ -254,6 +261,122 @@ LIMITS = {"g": (9.0, -99.0, 99.0), "h": (0.1, -0.6, 0.6), "k0": (9.0, 0.0, 0.9),
 """Largest step of a turn, least and largest value of each."""
 
 
+class Wheels(NamedTuple):
+    """What is known of all wheels by cells, and where the cells lie among the knots."""
+
+    speed: Floats
+    """[m/s], 0 where unknown, (cells, axles)."""
+    known: Flags
+    mu: Floats
+    """Force at the rail over load, (cells, axles)."""
+    free: Flags
+    """Whether hardly a force acts, (cells, axles)."""
+    side: Floats
+    """Side to which forces drive all wheels: -1, 0 or 1, (cells,)."""
+    least: Floats
+    """Least variance of a cell [m2/s2], (axles,)."""
+    knot: NDArray[np.int64]
+    """The knot before each cell, (cells,)."""
+    part: Floats
+    """How far each cell is to the knot after it, 0 to 1, (cells,)."""
+
+
+class State(NamedTuple):
+    """Where a turn begins; (cells,) but for the errors e (axles,)."""
+
+    speed: Floats
+    first: Floats
+    columns: Floats
+    """Change of the speed with g and h, and of the creep over mu with k0 and k1, (cells, 4)."""
+    e: Floats
+    k0: float
+    k1: float
+    narrow: float
+    """Width of the wheels beside their noise [m/s]."""
+    alike: float
+    """Share of the axles that err independently."""
+
+
+class Normal(NamedTuple):
+    """Normal equations: the band of the knots, the border beside it and its corner, and both right-hand sides."""
+
+    band: Floats
+    side: Floats
+    corner: Floats
+    knots: Floats
+    border: Floats
+
+
+@equation
+def creep_unsure(mu: Any, over: Any, k0: Any, k1: Any) -> Any:
+    """Variance [m2/s2] of what is wrong with the law of creep, at a speed `over` 0."""
+    return (mu * (0.15 + 0.01 * over)) ** 2 + (CREEP_UNSURE * mu * (k0 + k1 * over)) ** 2
+
+
+@jit
+def add_wheels(wheels: Wheels, state: State, begins: bool, normal: Normal) -> float:
+    """Add all wheels to the normal equations, whose corner becomes upper triangular; returns their cost.
+
+    `begins`: in the first turn wheels stand for the first guess of the speed.
+    """
+    band, side, corner, border, cost = normal.band, normal.side, normal.corner, normal.border, 0.0
+    for c in range(state.speed.size):
+        v, k, after = state.speed[c], wheels.knot[c], wheels.part[c]
+        if v < 0.05 and not begins:
+            continue
+        before, over = 1.0 - after, max(v, 0.0)
+        total, pulled, squared, pushed, moved = 0.0, 0.0, 0.0, 0.0, 0.0
+        column = state.columns[c]
+        for i in range(state.e.size):
+            if not wheels.known[c, i]:
+                continue
+            mu = wheels.mu[c, i]
+            law = creep_unsure(mu, over, state.k0, state.k1)
+            square = wheels.least[i] + law + state.narrow**2
+            # what is wrong with the law of creep lasts
+            tells = state.alike * square / (square + (PERSISTS - 1.0) * law)
+            y = wheels.speed[c, i] - v * (1.0 + state.e[i]) - mu * (state.k0 + state.k1 * v)
+            u2 = y * y / square
+            if wheels.free[c, i] or np.sign(y) == wheels.side[c]:
+                weight = tells / ((1.0 + 0.25 * u2) ** 2 * square)
+                cost += tells * 4.0 * u2 / (4.0 + u2)
+            else:
+                far = np.sqrt(u2)
+                weight = tells / (max(1.0, far / 3.0) * square)
+                cost += tells * (u2 if u2 < 9.0 else 6.0 * far - 9.0)
+            if begins:
+                y, weight = state.first[c] - v, 10.0 * tells
+            total += weight
+            pulled += weight * mu
+            squared += weight * mu * mu
+            pushed += weight * y
+            moved += weight * y * mu
+            own = FIRST + i
+            turned = weight * v
+            side[k, own] += before * turned
+            side[k + 1, own] += after * turned
+            corner[0, own] += column[0] * turned
+            corner[1, own] += column[1] * turned
+            corner[2, own] += mu * turned
+            corner[3, own] += mu * turned * v
+            corner[own, own] += turned * v
+            border[own] += turned * y
+        band[2, k] += total * before * before
+        band[1, k + 1] += total * before * after
+        band[2, k + 1] += total * after * after
+        normal.knots[k] += before * pushed
+        normal.knots[k + 1] += after * pushed
+        for p in range(4):
+            one = (total if p < 2 else pulled) * column[p]
+            side[k, p] += before * one
+            side[k + 1, p] += after * one
+            border[p] += (pushed if p < 2 else moved) * column[p]
+            for q in range(p, 4):
+                both = total if q < 2 else squared if p > 1 else pulled
+                corner[p, q] += both * column[p] * column[q]
+    return cost
+
+
 def fit(
     log: Log, first: Floats, late: float | None = None, use_speed: bool = True, contact: bool = False, scaled: bool = False,
     force_late: float | None = None, drift: float = WALKS[0],
@@ -266,11 +389,9 @@ def fit(
     im = _Impulses(
         log, first, late or 0.0, use_speed and log.dense, contact, drift, force_late is not None
     )
-    hats, mu, free, K = im.hats, im.mu, im.free, im.knots.size
-    fine = np.where(log.span > 0, log.noise, log.noise / np.sqrt(im.every))
-    alike = 1.0 / (
-        1.0 + 0.2 * np.count_nonzero(log.turning)
-    )  # axles of one train err together, and for half a second
+    hats, K, least = im.hats, im.knots.size, im.wheels.least
+    # axles of one train err together, and for half a second
+    alike = 1.0 / (1.0 + 0.2 * np.count_nonzero(log.turning))
     z = thinned(log.fixes) if use_speed and log.fixes is not None else None
     x = {"g": 1.0, "h": force_late or 0.0, "k0": 0.2, "k1": 0.02, "s": 0.0, "d": late or 0.0}
     fixed = {
@@ -301,56 +422,18 @@ def fit(
         )
         r, rb, cost = np.zeros(FIRST + a), np.zeros(K), 0.0
         E = slice(FIRST, None)
-        # wheels
-        v = vc[:, None]
-        over = np.maximum(v, 0.0)
-        law = (mu * (0.15 + 0.01 * over)) ** 2
-        law += (CREEP_UNSURE * mu * (x["k0"] + x["k1"] * over)) ** 2
-        square = fine**2 + 3e-4**2 + law + (0.6 * 0.65**turn) ** 2
-        sigma = np.sqrt(square)
-        tells = (
-            alike * square / (square + (PERSISTS - 1.0) * law)
-        )  # what is wrong with the law of creep lasts
+        narrow = 0.6 * 0.65**turn
         if turn in RADII:
-            e, worn = _radii(im.wheel - mu * (x["k0"] + x["k1"] * v), vc, sigma, free, alike)
-        y = im.wheel - v * (1 + e) - mu * (x["k0"] + x["k1"] * v)
-        u2 = (y / sigma) ** 2
-        slips = (np.sign(y) == im.side) | free
-        weight = (
-            np.where(slips, 1 / (1 + u2 / 4) ** 2, 1 / np.maximum(1, np.sqrt(u2) / 3)) / sigma**2
-        )
-        loss = np.where(slips, 4 * u2 / (4 + u2), np.where(u2 < 9, u2, 6 * np.sqrt(u2) - 9))
-        if turn == 0:  # it begins near the first guess
-            y, weight = (
-                np.broadcast_to(im.mean(first)[:, None] - v, y.shape),
-                np.full(y.shape, 10.0),
+            over, creep = (
+                np.maximum(vc, 0.0)[:, None],
+                im.wheels.mu * (x["k0"] + x["k1"] * vc[:, None]),
             )
-        known = np.isfinite(im.wheel) & ((v >= 0.05) | (turn == 0))
-        weight, y = np.where(known, tells * weight, 0.0), np.where(known, y, 0.0)
-        cost += (tells * loss)[known].sum()
-        pull = weight * mu
-        both, pulled = np.stack([given, by_delay], axis=1), pull.sum(1)
-        creep = np.stack([pulled, pulled * vc], axis=1)
-        of_wheels, of_cell = weight * v, weight.sum(1)
-        _add(band, hats, of_cell)
-        side[:, 0:2] += hats.T @ (of_cell[:, None] * both)
-        side[:, 2:4] += hats.T @ creep
-        side[:, E] += hats.T @ of_wheels
-        corner[0:2, 0:2] += both.T @ (of_cell[:, None] * both)
-        corner[0:2, 2:4] += both.T @ creep
-        corner[0:2, E] += both.T @ of_wheels
-        square = (pull * mu).sum(1)
-        for p, q in ((0, 0), (0, 1), (1, 1)):
-            corner[2 + p, 2 + q] += square @ vc ** (p + q)
-        corner[2, E] += (pull * v).sum(0)
-        corner[3, E] += (pull * v**2).sum(0)
-        corner[E, E] += np.diag((of_wheels * v).sum(0))
-        wy = weight * y
-        rb += hats.T @ wy.sum(1)
-        r[0:2] += both.T @ wy.sum(1)
-        r[2] += (wy * mu).sum()
-        r[3] += (wy * mu * v).sum()
-        r[E] += (wy * v).sum(0)
+            law = creep_unsure(im.wheels.mu, over, x["k0"], x["k1"])
+            e, worn = _radii(im.wheels, creep, vc, np.sqrt(least + law + narrow**2), alike)
+        both = np.stack([given, by_delay], axis=1)
+        columns = np.column_stack([both, np.ones(vc.size), vc])
+        state = State(vc, im.mean(first), columns, e, x["k0"], x["k1"], narrow, alike)
+        cost += add_wheels(im.wheels, state, turn == 0, Normal(band, side, corner, rb, r))
         # the speed's channel
         if z is not None and turn > 0:
             noise, extra = _add_speed(
@@ -464,7 +547,7 @@ def _add_speed(
 
 
 def _radii(
-    wheel: Floats, v: Floats, sigma: Floats, free: Flags, alike: float
+    wheels: Wheels, creep: Floats, v: Floats, sigma: Floats, alike: float
 ) -> tuple[Floats, bool]:
     """Errors of radii, each where most instants of its wheel agree; 0 unless another one is much better.
 
@@ -473,8 +556,9 @@ def _radii(
     """
     grid = np.concatenate([[0.0], np.linspace(-0.05, 0.05, 101)])
     use = v > 1.0
-    w, v, s = wheel[use], v[use, None], np.hypot(sigma[use], 5e-4 * v[use, None])
-    rolling = free[use]
+    w = np.where(wheels.known, wheels.speed - creep, np.nan)[use]
+    v, s = v[use, None], np.hypot(sigma[use], 5e-4 * v[use, None])
+    rolling = wheels.free[use]
     if len(w) > 6000:
         some = slice(None, None, len(w) // 6000 + 1)
         alike *= len(w) // 6000 + 1
@@ -497,6 +581,7 @@ def _radii(
     never = never[np.isfinite(known[:, never]).any(axis=0)]
     if never.size == 0:
         return found, False
+    side = np.sign(wheels.side[use].sum())
     ratio = known[:, never] / v - 1
     own = np.nanmedian(ratio, axis=0)
     spread = np.nanmedian(np.abs(ratio - own), axis=0)
@@ -505,9 +590,11 @@ def _radii(
     if others.size > 3:  # a train's wheels wear alike: those that roll tell whether they have
         worn = bool(np.mean(np.abs(others) > WORN) > 0.3)
     else:
-        worn = bool(never.size > 1 and np.mean(np.abs(np.diff(own))) > UNLIKE)
-    # slip that lasts varies more than a radius
-    sure = np.abs(apart) > np.maximum(5e-3, 5.0 * spread)
+        worn = bool(
+            never.size > 1 and np.mean(np.maximum(-side * (own - np.median(own)), 0.0)) > UNLIKE
+        )
+    # slip that lasts looks like a radius, to its side
+    sure = (side * apart < 0.0) & (np.abs(apart) > np.maximum(5e-3, 5.0 * spread))
     found[never] = np.where(sure & (not worn), apart, 0.0)
     return found, worn
 

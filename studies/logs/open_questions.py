@@ -54,6 +54,9 @@ def fit_remarks(log: MeasuredLog, found: Findings) -> list[Remark]:
         return []
     remarks, x = [], fit.x
     damage = max(abs(found.total_damage), 1e-9)
+    if run.speed_source == "estimated" and run.speed_deviation is not None:
+        text = f"no channel of it: estimated from wheels and forces, ± {np.median(run.speed_deviation):.2g} m/s"
+        remarks.append(Remark("estimate", "speed", text))
     delay = run.speed_delay
     if delay is not None and abs(delay.value) > max(
         LEAST_DELAY, 2.0 * delay.deviation, 0.6 * log.period

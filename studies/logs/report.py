@@ -111,6 +111,7 @@ def _damage_error(found: Findings) -> dict[str, float] | None:
         "by_sensors": 1e-3 * e.by_sensors,
         "by_sampling": 1e-3 * e.by_sampling,
         "by_filled": 1e-3 * e.by_filled,
+        "by_forces": 1e-3 * e.by_forces,
         "per_permille_of_radius": 1e-3 * e.of_radius,
     }
 

@@ -1,12 +1,12 @@
 """What the sweep over curves, noise and computing time says: where the MPC loses adhesion to controllers without a model."""
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 import pandas as pd
 
+from studies.core.claims import Claim, conjunction, quantity
+from studies.core.drawn_events import paired
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
-from studies.core.verdict import Bound, Item, decided
 from studies.mismatch.rails import RAILS
 from studies.mismatch.settings import (
     DELAYED,
@@ -34,13 +34,59 @@ METHOD = (
 )
 
 
+def _loses(name: str, claim: str, cells: Mapping[str, tuple[str, float, str, str]]) -> Claim:
+    """That no cell loses; `cells`: words of each -> curve, noise and the two settings."""
+    return Claim(
+        name, claim, method=METHOD,
+        cases=tuple(
+            Claim(f"with {words}", mean=less(*cell, "utilisation_short"), value=-LOSS,
+                  reason="a hundredth is what the choice of a controller is about")
+            for words, cell in cells.items()
+        ),
+        numbers={
+            f"{text}, {words}": less(*cell, metric)
+            for metric, text in METRICS.items() for words, cell in cells.items()
+        },
+    )  # fmt: skip
+
+
+def less(curve: str, noise: float, one: str, other: str, metric: str) -> str:
+    """A metric under setting `one` less that under `other`, at one curve and noise [km/h]."""
+    return f"'{metric}@{curve}/{noise:g}/{one}' - '{metric}@{curve}/{noise:g}/{other}'"
+
+
+BASE = next(iter(RAILS))
+CLAIMS = (
+    *(
+        _loses(
+            f"{curve}: mpc, {other.name}",
+            f"on {curve} rail the MPC loses less than a point of adhesion to {other.name}, whatever noise and computing "
+            "time",
+            {
+                f"{setting.name}, {noise:g} km/h of noise": (curve, noise, setting.name, other.name)
+                for setting in (SOUGHT, DELAYED) for noise in NOISES
+            },
+        )
+        for other in (REFERENCE, SEARCHER) for curve in RAILS
+    ),
+    *(
+        _loses(
+            f"given slip: {one.name}",
+            f"an MPC that holds the slip at {one.name} loses less than a point of adhesion to {REFERENCE.name} on every "
+            "rail",
+            {f"{curve} rail": (curve, MIDDLE, one.name, REFERENCE.name) for curve in RAILS},
+        )
+        for one in GIVEN
+    ),
+)  # fmt: skip
+"""What is claimed of adhesion; that belief makes no difference has no threshold."""
+
+
 def mismatch_statements(table: pd.DataFrame) -> list[Statement]:
     """Statements on the rows of a table of `studies.mismatch.study` that are ok."""
-    return [
-        *(_sought(table, curve, other.name) for other in (REFERENCE, SEARCHER) for curve in RAILS),
-        *(_given(table, setting.name) for setting in GIVEN),
-        _believed(table),
-    ]
+    arm = table["curve"] + "/" + table["noise"].map("{:g}".format) + "/" + table["setting"]
+    events = paired(table.assign(scenario=table["event"], arm=arm), "arm", METRICS, [])
+    return [*(conjunction(events, claim) for claim in CLAIMS), _believed(events)]
 
 
 def difference(
@@ -52,59 +98,18 @@ def difference(
     return (values[0] - values[1]).astype(float)
 
 
-def _statement(
-    table: pd.DataFrame,
-    name: str,
-    claim: str,
-    pairs: Mapping[str, tuple[str, float, str, str]],
-) -> Statement:
-    """That no cell loses; `pairs`: words of a cell -> curve, noise and the two settings."""
-    found = {words: difference(table, *pair, "utilisation_short") for words, pair in pairs.items()}
-    essential: dict[str, Item] = {
-        words: Bound(words, values, least=-LOSS) for words, values in found.items()
-    }
+def _believed(events: pd.DataFrame) -> Statement:
     numbers = {
-        f"{text}, {words}": difference(table, *pair, metric)
-        for metric, text in METRICS.items()
-        for words, pair in pairs.items()
-    }
-    return decided(name, claim, essential, numbers, METHOD)
-
-
-def _sought(table: pd.DataFrame, curve: str, reference: str) -> Statement:
-    pairs = {
-        f"{setting.name}, {noise:g} km/h of noise": (curve, noise, setting.name, reference)
-        for setting in (SOUGHT, DELAYED)
-        for noise in NOISES
-    }
-    return _statement(
-        table, f"{curve}: mpc, {reference}",
-        f"on {curve} rail the MPC loses less than a point of adhesion to {reference}, whatever noise and computing time",
-        pairs,
-    )  # fmt: skip
-
-
-def _given(table: pd.DataFrame, name: str) -> Statement:
-    pairs = {f"{curve} rail": (curve, MIDDLE, name, REFERENCE.name) for curve in RAILS}
-    return _statement(
-        table, f"given slip: {name}",
-        f"an MPC that holds the slip at {name} loses less than a point of adhesion to {REFERENCE.name} on every rail",
-        pairs,
-    )  # fmt: skip
-
-
-def _believed(table: pd.DataFrame) -> Statement:
-    curve = next(iter(RAILS))
-    numbers = {
-        f"{text}, {other.name} less {SOUGHT.name}": difference(
-            table, curve, MIDDLE, other.name, SOUGHT.name, metric
-        )
+        f"{text}, {other.name} less {SOUGHT.name}": quantity(
+            events, less(BASE, MIDDLE, other.name, SOUGHT.name, metric)
+        ).astype(float)
         for metric, text in METRICS.items()
         for other in SAME_BELIEF
     }
-    same = all(bool((values == 0.0).all()) for values in numbers.values())
-    return decided(
+    claim = Claim(
         "belief", "an MPC that seeks its slip does the same whatever curve it believes in",
-        {"not to the last digit": same}, MappingProxyType(numbers), "holds if no number of any event differs",
-        enough=all(values.notna().any() for values in numbers.values()),
+        method="holds if no number of any event differs",
     )  # fmt: skip
+    same = all(bool((values == 0.0).all()) for values in numbers.values())
+    enough = all(values.notna().any() for values in numbers.values())
+    return conjunction(events, claim, {"to the last digit": same}, numbers=numbers, enough=enough)

@@ -8,7 +8,7 @@ from studies.ladder.study import RULE
 from studies.mismatch.events import DURATION, Place, scenario
 from studies.mismatch.rails import RAILS
 from studies.mismatch.settings import GIVEN, MIDDLE, NOISES, OWN, RIGHT, settings_at
-from studies.mismatch.statements import mismatch_statements
+from studies.mismatch.statements import CLAIMS, mismatch_statements
 
 
 def places(seed: int, k: int) -> list[Place]:
@@ -58,4 +58,5 @@ MISMATCH = Study(
     cells=EachEvent(cells),
     finish=meant,
     judge=lambda table: mismatch_statements(table[table["status"] == "ok"]),
+    claims=CLAIMS,
 )

@@ -8,7 +8,7 @@ import pandas as pd
 from studies.core.ensemble_range import RANGE, median_of
 from studies.core.statement import Interval, Statement
 from studies.core.study import Study
-from studies.core.verdict import decide, decided, intervals_of
+from studies.core.verdict import decide, decided, intervals_of, unmet
 from studies.readhesion_paper.calibration import (
     DEFAULT_SAMPLES,
     GENERATIONS,
@@ -57,7 +57,7 @@ def calibration_statements(table: pd.DataFrame) -> list[Statement]:
 
 
 def _exists(table: pd.DataFrame, good: pd.DataFrame, chosen: pd.Series) -> Statement:
-    met = {f"not met: {claim}": bool(chosen[f"met: {name}"]) for name, claim in CLAIMS.items()}
+    met = {f"met: {claim}": bool(chosen[f"met: {name}"]) for name, claim in CLAIMS.items()}
     wide = table[table["stage"] == "wide"].index
     return decided(
         "a set exists",
@@ -90,7 +90,7 @@ def _ensemble(table: pd.DataFrame) -> Statement:
     return decided(
         "ensemble",
         f"in both units of a_0 and a_w at least {LEAST_SETS} sets meet {LEAST_MET} of the paper's {len(CLAIMS)} findings",
-        {f"only {len(rows)} in {unit}": len(rows) >= LEAST_SETS for unit, rows in counts.items()},
+        {f"so many in {unit}: {len(rows)}": len(rows) >= LEAST_SETS for unit, rows in counts.items()},
         numbers,
         f"walkers over all sets that meet as many, all of them equally likely; {RANGE}",
     )  # fmt: skip
@@ -125,7 +125,7 @@ def _unit(
     if len(others):
         rival = others.sort_values("objective", kind="stable").iloc[0]
         missing = {
-            f"not met in {rival['unit']}: {claim}": bool(rival[f"met: {name}"])
+            f"met in {rival['unit']}: {claim}": bool(rival[f"met: {name}"])
             for name, claim in CLAIMS.items()
         }
         numbers |= {
@@ -143,7 +143,7 @@ def _unit(
         f"a_0 and a_w are meant in {chosen['unit']}: in the other unit no set comes near",
         decide([len(good) > 0, near.empty]),
         intervals_of(numbers),
-        tuple(words for words, met in missing.items() if not met),
+        tuple(unmet(words) for words, met in missing.items() if not met),
         f"near: objective up to {NEAR_BEST:g} times that of the best set that fulfils most",
     )
 

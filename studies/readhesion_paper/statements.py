@@ -102,7 +102,7 @@ def _limit_exists(limits: pd.DataFrame) -> Statement:
     """Section 3.2 takes for granted that what readheres at one coefficient does so at every greater one."""
     some = limits[limits["limit_coefficient"].notna()]
     met = {
-        f"not with a_0 {row.margin:g}, a_w {row.width:g}": bool(row.monotone)
+        f"with a_0 {row.margin:g}, a_w {row.width:g}": bool(row.monotone)
         for row in some.itertuples()
     }
     return over_cases(
@@ -127,12 +127,12 @@ def _parabola(
         "parabola",
         "the findings do not depend on how the parabola is narrowed where C = 40 makes no curve "
         f"(mu_max < {EXISTS_FROM:.3f})",
-        {"": not largest > SETTLED_BELOW} | {f"narrow there, changes: {name}": False for name in below},
+        {"": not largest > SETTLED_BELOW} | {f"the same, narrow there: {name}": False for name in below},
         {
             "findings that change with a narrow parabola there": len(below),
             "findings that change with a narrow parabola at every mu_max": len(above),
             "largest shift of a limit adhesion coefficient": largest,
         },
         f"narrow enough for mu_max 0.02 against as wide as can be; bound of the shift {SETTLED_BELOW:g}; {METHOD}",
-        {f"narrow at every mu_max, changes: {name}": False for name in above if name not in below},
+        {f"the same, narrow at every mu_max: {name}": False for name in above if name not in below},
     )  # fmt: skip

@@ -7,8 +7,7 @@ from studies.core.study import EachEvent, Study
 from studies.files.study_error import unknown
 from studies.resistance.line_errors import TYPICAL, arms_of, read_line_errors
 from studies.resistance.position_events import position_row
-from studies.resistance.position_statements import position_statements
-from studies.resistance.position_thresholds import TABLE
+from studies.resistance.position_statements import CLAIMS, position_statements
 
 
 def cells(seed: int, k: int, errors: str | None = None, arms: Sequence[str] = ()) -> list[Task]:
@@ -31,5 +30,5 @@ LINE_POSITION = Study(
     judge=position_statements,
     whole=True,
     options=("errors",),
-    thresholds=TABLE,
+    claims=tuple(claim for claims in CLAIMS.values() for claim in claims),
 )

@@ -3,7 +3,7 @@
 from studies.core.cell import Task
 from studies.core.study import EachEvent, Study
 from studies.resistance.events import event_row
-from studies.resistance.statements import resistance_statements
+from studies.resistance.statements import CLAIMS, resistance_statements
 
 
 def cells(seed: int, k: int) -> list[Task]:
@@ -17,5 +17,6 @@ RESISTANCE = Study(
     default_events=12,
     cells=EachEvent(cells),
     judge=resistance_statements,
+    claims=CLAIMS,
     whole=True,
 )

@@ -133,7 +133,7 @@ def electric_statement(table: pd.DataFrame) -> Statement:
     return over_cases(
         "electric brake",
         "an electric brake whose units hold their slip by the MPC brakes shorter than the front at the same Q",
-        {f"not with {group}": bool(holds) for group, holds in shorter},
+        {f"with {group}": bool(holds) for group, holds in shorter},
         {**numbers, "largest error of the reference speed [m/s]": rows["reference_error"].max()},
         "front: sensitivities of the fuzzy slide protection that none beats in distance and Q; at its ends the nearest "
         f"holds. Same rail and brake force, each unit alone, believed curve true, no axle runs free; {DECIDED:g} m count",

@@ -63,7 +63,7 @@ def _large(table: pd.DataFrame, members: pd.DataFrame) -> Statement:
     )
     return decided(
         "ensemble", f"at least {LEAST_MEMBERS} sets reach all that is printed, within the tolerances",
-        {f"only {len(members)}": len(members) >= LEAST_MEMBERS},
+        {f"so many: {len(members)}": len(members) >= LEAST_MEMBERS},
         {
             "free parameters": PARAMETERS,
             "printed numbers that they meet": PRINTED_NUMBERS,
@@ -88,14 +88,14 @@ def _in_use(table: pd.DataFrame, members: pd.DataFrame) -> Statement:
     ]  # fmt: skip
     return decided(
         "set in use", "the set in use reaches all that is printed, as the others of the ensemble do",
-        {"it does not": passes},
+        {"so far": passes},
         {
             "its misfit; range of the others'": range_of(float(row["misfit"]), others["misfit"]),
             "share of the others that miss less": better,
             "parameters in which it lies outside of all others": len(outside),
         },
         "it was found by damped least squares and a random search nearby; one walker started there",
-        {f"outside of all others in {name}": False for name in outside},
+        {f"within the others in {name}": False for name in outside},
     )  # fmt: skip
 
 
@@ -110,7 +110,7 @@ def _determined(members: pd.DataFrame) -> Statement:
     sharp = int((spread <= SHARP).sum())
     return decided(
         "determined", "the printed numbers determine the undisclosed curves and rules",
-        {f"not {name}: 90 % of the members within {100.0 * widths[name]:.0f} % of its range": met
+        {f"{name}: 90 % of the members within {100.0 * widths[name]:.0f} % of its range": met
          for name, met in narrow.items()},
         {
             **{f"{name}: first; range": range_of(float(members[name].iloc[0]), members[name]) for name in BOUNDS},
@@ -150,8 +150,8 @@ def _settled(table: pd.DataFrame) -> Statement:
     return decided(
         "settled", "the sampler has forgotten where its walkers began",
         {
-            f"{list(BOUNDS)[int(np.argmax(shift))]} still moves" if worst == worst else "too few steps": worst <= SETTLED,
-            f"walkers take {100.0 * moved:.0f} % of their steps alone": moved >= MOVING,
+            f"at rest: {list(BOUNDS)[int(np.argmax(shift))]}" if worst == worst else "steps enough": worst <= SETTLED,
+            f"free enough: walkers take {100.0 * moved:.0f} % of their steps": moved >= MOVING,
         },
         {
             "largest shift of a parameter's mean over the second half [standard deviations]": worst,
@@ -179,7 +179,7 @@ def held_out_statement(rows: pd.DataFrame) -> Statement:
             "share of the fits within 1 %": near,
         },
         RANGE,
-        further={f"a fit does not reach: {name}": False for name in dict.fromkeys(rest)},
+        further={f"reached by every fit: {name}": False for name in dict.fromkeys(rest)},
         partly=bool(near.any()),
         enough=len(rows) > 0,
     )  # fmt: skip
@@ -212,7 +212,7 @@ def members_statement(table: pd.DataFrame) -> Statement:
     noisy = table[table["part"] == "noise"]
     return decided(
         "members", "every set of the ensemble reaches all that is printed",
-        {f"not {int((~good).sum())} of {len(good)}": bool(good.all())},
+        {f"{int((~good).sum())} of {len(good)}": bool(good.all())},
         {
             "free parameters": PARAMETERS,
             "printed numbers": PRINTED_NUMBERS,

@@ -71,7 +71,7 @@ def beyond_statement(table: pd.DataFrame) -> Statement:
             found = median_of(own[measure])
             half = (found.high - found.low) / (found.high + found.low)
             word = "distance" if measure == "distance" else "Q"
-            met[f"not about the {word} {name}: half width {100.0 * half:.1f} %"] = half <= most
+            met[f"about the {word} {name}: half width {100.0 * half:.1f} %"] = half <= most
             numbers[f"{name}: {word} [{unit}]"] = found
     stopped = float(rows["stopped"].mean()) if len(rows) else 1.0
     return over_cases(

@@ -98,7 +98,7 @@ def _over(
     broken = rows[~good]
     groups = broken.groupby(["part", "train", "curve"], sort=False) if len(broken) else ()
     words = {
-        f"not with {part}, {train}, {curve}: {_levels(own)}": False
+        f"with {part}, {train}, {curve}: {_levels(own)}": False
         for (part, train, curve), own in groups
     }
     return decided(

@@ -132,6 +132,10 @@ def test_the_log_is_drawn_with_its_gap_and_what_was_found(drawn, logged):
     (rings,) = (line for line in slips.get_lines() if line.get_marker() == "o")
     assert sorted(rings.get_ydata()) == sorted(event.axle + 1 for event in found.events)
     assert coefficients.get_images()[0].get_array().shape[0] == log.train.radius.size
+    drawn["measured-log"].draw_without_rendering()
+    for one in (slips, coefficients, forces):  # the scale of each stands beside it
+        scale = one.get_images()[0].colorbar.ax.get_position()
+        assert scale.y0 == pytest.approx(one.get_position().y0, abs=0.01)
     force = forces.get_images()[0].get_array()
     assert force.max() == pytest.approx(1e-3 * np.nanmax(found.car_force))
     bars = next(one for one in axes if one.get_xlabel() == "Q [kJ]").containers[0]

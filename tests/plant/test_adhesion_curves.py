@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from alloc.balance import BRAKED
 from alloc.plant.adhesion import CURVES as REGISTERED
 from alloc.plant.adhesion import (
     POLACH_DRY,
@@ -135,3 +136,16 @@ def test_creepage_counts_the_speed_itself_above_twice_the_floor():
     speed = np.linspace(2.0, 100.0, 50)
     np.testing.assert_array_equal(reference_speed(speed, speed), speed)
     assert float(reference_speed(0.0, 0.0)) == 1.0
+
+
+def test_a_braked_wheel_exceeds_the_limit_of_a_driving_one_by_no_more_than_a_sound_run_may():
+    speeds = np.concatenate([np.geomspace(5e-3, 1.0, 40), np.linspace(1.0, 60.0, 30)])
+    for name, curve in CURVES.items():
+        for peak in (0.02, 0.1, 0.3, 0.6):
+            for speed in speeds:
+                held = np.abs(curve.coefficient(-np.linspace(0.0, speed, 200), peak, speed)).max()
+                assert held <= (1.0 + BRAKED) * float(curve.limit(peak, speed)[0]), (
+                    name,
+                    peak,
+                    speed,
+                )

@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from alloc.compilation import FASTMATH
-from alloc.plant.operations import absolute, atan, exp, maximum, minimum, sine, sqrt, where
+from alloc.plant.operations import (
+    absolute,
+    atan,
+    exp,
+    interpolate,
+    maximum,
+    minimum,
+    sine,
+    sqrt,
+    where,
+)
 
 allocating_jit = numba.njit(error_model="numpy", fastmath=FASTMATH)
 """As the project's own, but these functions make the arrays that they return."""
@@ -33,6 +43,21 @@ def _compiled_choices(x, y):
         out[3, i] = absolute(x[i])
         out[4, i] = sqrt(x[i] * x[i])
     return out
+
+
+@allocating_jit
+def _compiled_interpolation(table, share):
+    out = np.empty(share.size)
+    for i in range(share.size):
+        out[i] = interpolate(table, share[i])
+    return out
+
+
+def test_interpolation_is_numpys():
+    table, share = np.random.default_rng(2).normal(size=12), np.linspace(0.0, 1.0, 301)
+    expected = np.interp(share, np.linspace(0.0, 1.0, 11), table[1:])
+    for found in (interpolate, _compiled_interpolation):
+        np.testing.assert_allclose(found(table, share), expected, atol=1e-8)
 
 
 def test_transcendental_functions_agree_with_the_c_library():

@@ -36,6 +36,7 @@ from studies.blended.statements import (
     ARMS,
     CONTROLLERS,
     PAIRS,
+    PARTS,
     RULES,
     SHARERS,
     TRUTH,
@@ -229,6 +230,13 @@ def test_a_run_that_failed_takes_its_stop_out_of_every_arm():
 
     events = pairs_of(blended_table(change=failing))
     assert sorted(set(range(24)) - set(events["event"])) == [4]
+
+
+def test_parts_come_in_pairs_and_every_stop_is_in_one_of_each():
+    parts = [part(pairs_of(blended_table())) for part in PARTS.values()]
+    for one, other in zip(parts[::2], parts[1::2], strict=True):
+        assert (one ^ other).all()
+        assert 0 < one.sum() < len(one)
 
 
 def test_few_stops_give_no_verdict():

@@ -80,7 +80,7 @@ def test_the_budget_names_what_a_finding_does_not_survive_and_nothing_else():
     table = changed("emergency", wrong, BELIEFS, sum_over_theory=1.2)
     found = {one.name: one for one in brake_force_statements(table)}
     budget = found["budget: wagons' sum follows theory"]
-    assert (budget.verdict, budget.conditions) == (CONDITIONS, (wrong,))
+    assert (budget.verdict, budget.conditions) == (CONDITIONS, (f"not with {wrong}",))
     assert found["wagons' sum follows theory"].verdict == HOLDS
     others = {one.verdict for name, one in found.items() if one is not budget}
     assert others == {HOLDS}
@@ -94,17 +94,17 @@ def test_the_budget_names_what_a_finding_does_not_survive_and_nothing_else():
 def test_a_finding_that_survives_with_conditions_alone_did_not_survive():
     table = changed("emergency", "friction +20%", BELIEFS, wagon_theory_off=0.3)
     one = verdict(table, "budget: first wagon follows theory")
-    assert one.conditions == ("friction +20%",)
+    assert one.conditions == ("not with friction +20%",)
 
 
 def test_the_budget_of_dry_stops_counts_what_is_missed_and_who_is_accused():
     missed = changed(0.1, "friction +20%", BELIEFS, found=0.0)
     assert verdict(missed, "budget: smallest shortfall found").conditions == (
-        "friction +20%: a tenth missing is found",
+        "not with friction +20%: a tenth missing is found",
     )
     accused = changed(0.0, "friction +20%", BELIEFS, wrong=1.0)
     assert verdict(accused, "budget: smallest shortfall found").conditions == (
-        "friction +20%: sound cars accused",
+        "not with friction +20%: sound cars accused seldom",
     )
 
 

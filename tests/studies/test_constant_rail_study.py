@@ -124,4 +124,4 @@ def test_one_rail_that_cycles_or_slips_breaks_the_statement():
         assert {k for k, one in found.items() if one.verdict == FAILS} == {
             f"{name}: {CONTROLLERS[0]}"
         }
-        assert found[f"{name}: {CONTROLLERS[0]}"].conditions == ("1 of 12 rails",)
+        assert found[f"{name}: {CONTROLLERS[0]}"].conditions == ("not on 1 of 12 rails",)

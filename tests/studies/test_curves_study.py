@@ -106,13 +106,13 @@ def test_an_opposite_sign_under_one_curve_breaks_it_and_an_unknown_one_is_a_cond
     name = f"greedy less alone: {METRICS['damage']}"
     opposite = verdict(changed("damage", "Polach wet", 0.95), name)
     assert opposite.verdict == FAILS
-    assert opposite.conditions == ("the other way round with Polach wet",)
+    assert opposite.conditions == ("not with Polach wet: the other way round",)
     unknown = verdict(changed("damage", "Polach wet", 1.0 / 1.01), name)
     assert unknown.verdict == CONDITIONS
     assert "Polach wet" in unknown.conditions[0]
     none = verdict(changed("damage", BASE, 1.0 / 1.01), name)
     assert none.verdict == UNDECIDED
-    assert "more with Polach wet" in none.conditions
+    assert "not with Polach wet: more" in none.conditions
 
 
 def test_few_events_give_no_verdict():

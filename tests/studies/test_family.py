@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 from scipy.stats import ttest_1samp
 
-from studies.core.family import Claim, compared, holm
-from studies.core.family import Test as Criterion  # a name that pytest does not take for a test
+from studies.core.claims import AT_LEAST, AT_MOST, Claim, family, holm
 from studies.core.resampling import RESAMPLES, resampled
 from studies.core.statement import (
     CONDITIONS,
@@ -19,14 +18,19 @@ from studies.core.statement import (
 )
 from studies.core.verdict import side
 
-ABOVE = Criterion(lambda e: e["x"])
-BELOW = Criterion(lambda e: e["x"], wanted=-1)
+ABOVE, BELOW = AT_LEAST, AT_MOST
+SHOWN = "{:.0f}"
 
 
-def claim(values, test=ABOVE, name="x", parts=None, **more):
-    """A claim over events of which `values` are columns, or the column "x"."""
+def claim(values, side=ABOVE, name="x", **more):
+    """Events of which `values` are columns, or the column "x", and a claim about the mean of x."""
     events = pd.DataFrame(values if isinstance(values, dict) else {"x": values})
-    return Claim(name, "", events, test, parts or {}, lambda i: f"{i.value:.0f}", {}, "", **more)
+    more = {"show": lambda i: SHOWN.format(i.value)} | more
+    return events, [Claim(name, mean="x", side=side, **more)]
+
+
+def compared(groups, **how):
+    return family(*groups, **how)
 
 
 def judged(values, *how, **more):
@@ -165,7 +169,7 @@ def test_a_verdict_does_not_depend_on_the_unit(scale):
     one, other = judged(values), judged(scale * values)
     assert (one.verdict, one.agreement) == (other.verdict, other.agreement)
     assert other.test.p == pytest.approx(one.test.p)
-    moved = judged(values + 1e6, Criterion(lambda e: e["x"], 1e6))  # far from zero nothing is lost
+    moved = judged(values + 1e6, value=1e6)  # far from zero nothing is lost
     assert moved.test.p == pytest.approx(one.test.p, rel=1e-6)
 
 
@@ -182,7 +186,7 @@ def test_more_events_do_not_make_a_clear_effect_undecided(verdicts_alone):
 def test_a_whole_that_is_undecided_but_for_a_part_holds_with_it():
     value = np.repeat([1.0, -1.0], 20) + 0.01 * normal(0, 40)
     events = {"x": value, "good": [True] * 20 + [False] * 20}
-    parts = {"good": lambda e: e["good"], "bad": lambda e: ~e["good"]}
+    parts = {"good": "good == 1", "bad": "good == 0"}
     found = judged(events, parts=parts)
     assert found.verdict == CONDITIONS
     assert found.conditions == ("with good: 1", "not with bad: -1")
@@ -240,13 +244,12 @@ def test_a_fragile_verdict_is_not_a_matter_of_undecided_ones():
 def test_parts_share_the_level_of_their_claim():
     values = normal(16, 60, mean=1.0)
     part = np.arange(60) % 3 == 0
-    parts = {
-        "these": lambda e: pd.Series(part),
-        **{f"none {k}": lambda e: pd.Series(~part & part) for k in range(4)},
-    }
+    parts = {"these": "part == 1", **{f"none {k}": "part == 2" for k in range(4)}}
     shown = {}
-    one = claim({"x": values - 5.0 * ~part}, parts=parts)
-    object.__setattr__(one, "show", lambda i: shown.setdefault(i.count, i) and "")
+    one = claim(
+        {"x": values - 5.0 * ~part, "part": part}, parts=parts,
+        show=lambda i: shown.setdefault(i.count, i) and "",
+    )  # fmt: skip
     others = [claim(normal((17, k), 60), name=str(k)) for k in range(3)]
     (found, *_) = compared([one, *others])
     # four claims, of which this has the smallest p; five parts
@@ -259,8 +262,8 @@ def test_parts_share_the_level_of_their_claim():
 def test_what_a_claim_implies_besides_is_tested_at_95_per_cent():
     noise = normal(18, 40)
     noise = (noise - noise.mean()) / noise.std(ddof=1)
-    besides = [("y", Criterion(lambda e: e["y"]))]
+    besides = (Claim("y", mean="y"),)
     rest = [claim(normal((19, k), 40), name=str(k)) for k in range(9)]
     for shift, verdict in ((-0.35, CONDITIONS), (-0.25, HOLDS)):  # p 0.03 and 0.12
-        one = claim({"x": noise + 2.0, "y": noise + shift}, others=besides)
+        one = claim({"x": noise + 2.0, "y": noise + shift}, besides=besides)
         assert compared([one, *rest])[0].verdict == verdict

@@ -6,6 +6,7 @@ import pytest
 
 from alloc.metrics import evaluate
 from alloc.simulation import simulate
+from studies.core.claims import quantity
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from studies.files.study_error import StudyError
 from studies.headroom.events import scenario
@@ -15,10 +16,10 @@ from studies.headroom.statements import (
     OWN,
     RULES,
     STRATA,
-    gained,
     headroom_statements,
     in_stratum,
     pairs_of,
+    share_gained,
 )
 from studies.headroom.study import HEADROOM
 from studies.headroom.what_makes_room import TRAINS, WANTED, draw
@@ -40,9 +41,9 @@ def test_every_event_lies_in_one_stratum():
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
 def test_the_share_gained_is_that_of_the_headroom(share):
-    assert gained(pairs_of(headroom_table(share), "perturb-observe"), OWN).mean() == pytest.approx(
-        share
-    )
+    assert quantity(
+        pairs_of(headroom_table(share), "perturb-observe"), share_gained(OWN)
+    ).mean() == pytest.approx(share)
 
 
 def test_verdicts_follow_gain_and_cost():

@@ -11,8 +11,7 @@ from studies.resistance.events import column
 from studies.resistance.line_errors import AIR, ALL, ARMS, LADDER, NONE, ODOMETER, PLACES, rung
 from studies.resistance.line_position_study import LINE_POSITION, cells
 from studies.resistance.position_events import draw
-from studies.resistance.position_statements import KINDS
-from studies.resistance.position_thresholds import TABLE
+from studies.resistance.position_statements import CLAIMS, KINDS
 from tests.studies.position_tables import position_table
 
 
@@ -43,7 +42,6 @@ def test_all_arms_of_an_event_are_cells_and_fewer_are_the_same_cells():
     with pytest.raises(StudyError, match="odometr"):
         cells(0, 0, arms=("odometr",))
     assert find_study("line-position") is LINE_POSITION
-    assert LINE_POSITION.thresholds is TABLE
 
 
 def test_a_table_in_which_every_claim_holds_survives_every_error():
@@ -52,7 +50,7 @@ def test_a_table_in_which_every_claim_holds_survives_every_error():
         for statement in LINE_POSITION.statements(position_table())
     }
     assert set(found.values()) == {HOLDS}
-    assert sum(name.startswith("survives: ") for name in found) == len(TABLE) - 1
+    assert sum(name.startswith("survives: ") for name in found) == len(CLAIMS[NONE])
 
 
 BROKEN = (
@@ -83,7 +81,7 @@ def test_an_error_that_breaks_a_claim_is_named_as_what_it_does_not_survive(broke
         assert survival.verdict == (
             FAILS if claim == "5: in use" else CONDITIONS
         )  # of one error, or of several
-        assert survival.conditions == (arm,)
+        assert survival.conditions == (f"not with {arm}",)
 
 
 def test_nothing_else_breaks_and_what_fails_without_errors_has_nothing_to_survive(broken):

@@ -94,7 +94,7 @@ def test_what_happens_between_two_rows_is_in_the_error_of_damage():
     assert rare.errors.by_sampling > 10.0 * every.errors.by_sampling
     e = rare.errors
     parts = np.array(
-        [e.by_speed, e.by_delay, e.by_sensors, e.by_sampling, 4e-3 * rare.total_damage]
+        [e.by_speed, e.by_delay, e.by_sensors, e.by_sampling, e.by_forces, 2e-3 * rare.total_damage]
     )
     assert e.total == pytest.approx(np.sqrt(parts @ parts))
     assert abs(rare.total_damage - one.damage) < 2.0 * e.total

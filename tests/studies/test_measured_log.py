@@ -16,6 +16,7 @@ from studies.logs.measured_log import check_log, read_log
 from studies.logs.measured_run import MeasuredTrain, analyse_run
 from studies.logs.measured_train import read_log_train, write_log_train
 from studies.logs.open_questions import fit_remarks
+from studies.logs.resistance_report import resistance_report
 from studies.scenario.train_file import read_train_file
 
 INERTIA, RADIUS = 100.0, 0.43
@@ -282,3 +283,12 @@ def test_a_faulty_train_file_is_refused(tmp_path):
         read_log_train("none.toml")
     with pytest.raises(PlantError, match="did you mean 'freight-5'"):
         read_log_train("freight5")
+
+
+def test_a_steady_run_teaches_nothing_of_the_mass(table):
+    steady = table.assign(**{name: 20.0 for name in table if "speed" in name})
+    steady = steady.assign(**{name: 0.5 for name in table if "force" in name})
+    mass = resistance_report(check_log(steady, TRAIN, "log"), None)["weights"]["W3"]
+    assert not mass["learnt"]
+    assert mass["value"] == pytest.approx(TRAIN.car_mass.sum(), rel=1e-3)
+    assert mass["deviation"] == pytest.approx(0.1 * TRAIN.car_mass.sum(), rel=1e-2)

@@ -135,5 +135,5 @@ def test_a_loss_in_one_cell_and_another_digit_under_another_belief_are_said_and_
     fallen = {name for name, one in bad.items() if one.verdict == FAILS}
     assert fallen == {"belief", *(f"slip ratio: mpc, {one.name}" for one in (REFERENCE, SEARCHER))}
     assert bad[f"slip ratio: mpc, {REFERENCE.name}"].conditions == (
-        f"{DELAYED.name}, {NOISES[-1]:g} km/h of noise",
+        f"not with {DELAYED.name}, {NOISES[-1]:g} km/h of noise",
     )

@@ -1,6 +1,7 @@
 """Verdicts are decided in one place; studies state what is met."""
 
 import ast
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -9,13 +10,13 @@ import pandas as pd
 import pytest
 
 import studies
+from studies.core.claims import AT_MOST, Claim, conjunction
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED, VERDICTS
 from studies.core.verdict import (
     LEAST_EVENTS,
     Bound,
     decide,
     decided,
-    judged,
     over_cases,
     side,
     with_and_without,
@@ -80,15 +81,19 @@ def test_a_bound_is_decided_by_its_interval_and_judged_again_on_resamples():
     noise -= noise.mean()
     shifts = {1.0: HOLDS, 0.0: UNDECIDED, -1.0: FAILS}
     for shift, verdict in shifts.items():
-        found = decided("x", "", {"not so": Bound("", pd.Series(noise + shift), least=0.0)}, {})
+        found = decided("x", "", {"so": Bound("", pd.Series(noise + shift), least=0.0)}, {})
         assert found.verdict == verdict
         assert found.agreement > 0.9
     assert found.conditions == ("not so",)
-    both = judged(
-        "x", "", [Bound("a", pd.Series(noise + 1.0), 0.0), Bound("b", pd.Series(noise), 0.0)]
-    )
-    assert both.verdict == CONDITIONS
-    assert both.conditions == ("not within its bound: b (at least 0) (undecided)",)
+    events = pd.DataFrame({"a": noise + 1.0, "b": noise})
+    claim = Claim("x", cases=(Claim("a", mean="a"),), besides=(Claim("b", mean="b"),))
+    both = conjunction(events, claim)
+    assert (both.verdict, both.conditions) == (CONDITIONS, ("not shown b",))
+    twice = replace(claim, besides=(Claim("b", mean="b"), Claim("b", mean="a", side=AT_MOST)))
+    assert conjunction(events, twice).conditions == (
+        "not shown b",
+        "not b",
+    )  # equal words, two bounds
     few = Bound("", pd.Series(noise[: LEAST_EVENTS - 1]), least=0.0)
     assert decided("x", "", {"": few}, {}).verdict == TOO_FEW
     share = pd.Series([True] * 57 + [False] * 3)  # Wilson's interval of 0.95 is [0.863, 0.983]
@@ -97,7 +102,7 @@ def test_a_bound_is_decided_by_its_interval_and_judged_again_on_resamples():
 
 
 def test_what_is_not_met_is_a_condition_in_its_words():
-    found = decided("x", "all", {"": True, "not a": False}, {"n": 2}, further={"not b": False})
+    found = decided("x", "all", {"": True, "a": False}, {"n": 2}, further={"b": False})
     assert (found.verdict, found.conditions) == (FAILS, ("not a", "not b"))
     assert found.numbers["n"].value == 2.0
 
@@ -110,7 +115,7 @@ def test_cases_count_alike(met, verdict):
     cases = {f"case {k}": one for k, one in enumerate(met)}
     found = over_cases("x", "all", cases, {})
     assert found.verdict == verdict
-    assert found.conditions == tuple(case for case, one in cases.items() if not one)
+    assert found.conditions == tuple(f"not {case}" for case, one in cases.items() if not one)
 
 
 def test_cases_are_said_with_and_without():

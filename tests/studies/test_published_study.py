@@ -6,6 +6,7 @@ import pytest
 
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.simulation import simulate
+from studies.core.claims import quantity
 from studies.core.collection import find_study
 from studies.core.statement import FAILS, HOLDS
 from studies.ladder.locomotive_events import (
@@ -99,7 +100,7 @@ def test_six_events_are_every_rail_with_and_without_a_failed_motor():
         curves |= {d["curve"] for d in drawn}
     assert curves == {"piecewise", "polach"}
     events = pd.DataFrame([draw(0, k) for k in range(KINDS)])
-    assert [int(part(events).sum()) for part in PARTS.values()] == [1] * KINDS
+    assert [int(quantity(events, part).sum()) for part in PARTS.values()] == [1] * KINDS
 
 
 @pytest.fixture(scope="module")

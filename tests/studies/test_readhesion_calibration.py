@@ -229,7 +229,7 @@ def test_the_ensemble_has_sets_enough_in_both_units():
     }
     ensemble = found["ensemble"]
     assert ensemble.verdict == FAILS
-    assert ensemble.conditions == ("only 0 in m/s2",)
+    assert ensemble.conditions == ("not so many in m/s2: 0",)
 
 
 def test_members_are_those_of_the_calibration_and_the_drawn_ones_come_first():

@@ -1,5 +1,7 @@
 """The readhesion paper's scenario in lanes, its findings, and the search for its limits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -27,6 +29,7 @@ from studies.readhesion_paper.paper import (
     Case,
     Unprinted,
     assess,
+    longest_slip,
     run_cases,
     signals_of,
     slip_spans,
@@ -79,6 +82,8 @@ def test_slips_end_with_the_window(low):
     assert (np.diff(spans, axis=1) > 0.0).all()
     assert spans[0, 0] >= DROP
     assert spans[-1, 1] == pytest.approx(RECOVERY, abs=2e-3)
+    assert longest_slip(low, 1) == max(end - begin for begin, end in spans)
+    assert longest_slip(replace(low, slip=0.0 * low.slip), 1) == 0.0
 
 
 def test_the_calibrated_set_shows_the_cases_of_the_paper(low):

@@ -98,10 +98,10 @@ def test_a_parabola_that_matters_is_said_to():
     # a finding that changes where C = 40 makes a curve is a condition, one that changes elsewhere refutes
     wide = parabola(lambda m, w: limit_of(m, w) if w < 0.59 else 0.158)
     assert wide.verdict == CONDITIONS
-    assert wide.conditions == ("narrow at every mu_max, changes: wide never",)
+    assert wide.conditions == ("not the same, narrow at every mu_max: wide never",)
     lower = parabola(lambda m, w: limit_of(m, w) if w < 0.59 else 0.148)
     assert lower.verdict == FAILS
-    assert "narrow there, changes: wide never" in lower.conditions
+    assert "not the same, narrow there: wide never" in lower.conditions
 
 
 def test_a_finding_of_one_unit_alone_holds_with_conditions():

@@ -223,7 +223,7 @@ def test_degraded_runs_are_counted_apart_and_enter_no_mean():
 
 def test_columns_that_apply_to_nothing_are_left_out():
     rigid = pd.DataFrame(rows(coupler_peak=np.nan, controller_median=0.0))
-    text = render(rigid, 170)
+    text = render(rigid, 250)
     assert "coupler" not in text
     assert "control" not in text.replace("controller", "")
 

@@ -36,6 +36,9 @@ from studies.wsp_acceptance.statements import acceptance_statements
 from studies.wsp_acceptance.stop_cases import (
     BELIEF,
     DRAWN,
+    JUMP,
+    LEVELS,
+    PATCHED,
     UNIFORM,
     chosen_cases,
     discs,
@@ -235,6 +238,10 @@ def test_every_case_of_the_table_is_its_own_and_has_the_adhesion_that_it_says():
     assert {case.curve for case in cases} == set(CURVES)
     assert {len(case.train.cars) for case in cases} == {1, 2, 3, 5, 8}
     assert sum(case.part == BELIEF for case in cases) == 9 * 4 * 3
+    for part in (JUMP, PATCHED):  # from each level of the table to another
+        steps = [dict(case.levels) for case in cases if case.part == part]
+        assert {level[-math.inf] for level in steps} == set(LEVELS)
+        assert all(len({*level.values()} & {*LEVELS}) == 2 for level in steps)
     assert [c.label for c in cells(0, 3)] == [c.label for c in found[: len(found) - 9]]
 
 

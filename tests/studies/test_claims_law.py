@@ -1,0 +1,198 @@
+"""Laws of all claims over the tables made for the tests: what is frozen is judged, and each row decides its own verdict."""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import studies.core.claims as engine
+from studies.core.claims import AT_MOST, Claim, decisive, names_in
+from studies.core.collection import all_studies
+from studies.core.statement import CONDITIONS, FAILS, HOLDS
+from tests.results_hash import SYNTHETIC
+from tests.studies.blended_tables import blended_table
+
+TABLES = {**SYNTHETIC, "blended": ("blended", blended_table)}
+WITH_CLAIMS = sorted(name for name, (study, _) in TABLES.items() if all_studies()[study].claims)
+SOME = ("headroom", "line-position", "brake-force")
+"""Studies whose table has some of what is claimed; all that is judged is among what is frozen all the same."""
+MOST = 5
+"""Claims of a study that are pushed, drawn with a seed."""
+
+
+@dataclass
+class Judged:
+    """What a study gives its judges."""
+
+    families: list
+    claims: list
+    conjunctions: list
+
+
+@pytest.fixture
+def judged(monkeypatch):
+    """Function that gives what a study's statements are judged from, with few resamples."""
+    monkeypatch.setattr("studies.core.resampling.RESAMPLES", 2)
+    found = Judged([], [], [])
+    real = {"family": engine.family, "conjunction": engine.conjunction}
+
+    def family(*groups, **how):
+        # the numbers beside the claims decide nothing
+        groups = [
+            (events, [replace(one, numbers={}) for one in claims]) for events, claims in groups
+        ]
+        found.families.append((groups, how))
+        found.claims += [claim for _, claims in groups for claim in claims]
+        return real["family"](*groups, **how)
+
+    def conjunction(events, claim, *args, **how):
+        found.claims.append(claim)
+        found.conjunctions.append((events, replace(claim, numbers={}), args, how))
+        return real["conjunction"](events, claim, *args, **how)
+
+    def of(label):
+        name, made = TABLES[label]
+        study = all_studies()[name]
+        module = study.judge.__module__
+        for other in {module, module.replace(".study", ".statements"), *_statement_modules(study)}:
+            for own in real:
+                monkeypatch.setattr(f"{other}.{own}", locals_of[own], raising=False)
+        study.statements(made())
+        return found
+
+    locals_of = {"family": family, "conjunction": conjunction}
+    return of
+
+
+def _statement_modules(study):
+    """Modules of the study's folder that judge."""
+    import sys
+
+    folder = study.judge.__module__.rpartition(".")[0]
+    return [name for name in sys.modules if name.startswith(folder + ".")]
+
+
+@pytest.mark.parametrize("label", WITH_CLAIMS)
+def test_what_is_judged_is_what_is_frozen(label, judged):
+    frozen = all_studies()[TABLES[label][0]].claimed()
+    assert len({claim.name for claim in frozen}) == len(frozen)
+    known = {claim.name: decisive(claim) for claim in frozen}
+    claims = judged(label).claims
+    if label not in SOME:
+        assert {claim.name: decisive(claim) for claim in claims if claim.leaves} == known
+    leaves = [decisive(leaf) for claim in frozen for leaf in claim.leaves]
+    assert all(decisive(leaf) in leaves for claim in claims for leaf in claim.leaves)
+
+
+@pytest.mark.parametrize("label", WITH_CLAIMS)
+def test_every_bound_has_a_reason(label):
+    def reasons(claim):
+        own = [claim.reason] if claim.mean else []
+        return own + [one for leaf in (*claim.cases, *claim.besides) for one in reasons(leaf)]
+
+    assert all(all(reasons(claim)) for claim in all_studies()[TABLES[label][0]].claimed())
+
+
+@pytest.mark.parametrize("label", WITH_CLAIMS)
+def test_a_mean_pushed_over_its_threshold_flips_that_verdict_and_no_other(label, judged):
+    for groups, how in judged(label).families:  # conjunctions have a law of their own
+        before = {one.name: one for one in engine.family(*groups, **how)}
+        pairs = [(k, claim) for k, (_, claims) in enumerate(groups) for claim in claims]
+        chosen = np.random.default_rng(0).permutation(len(pairs))[:MOST]
+        pushed = 0
+        for k, claim in (pairs[j] for j in chosen):
+            events, column = groups[k][0], column_of(claim, groups[k][0])
+            for claimed in (True, False):
+                other = pushed_over(events, claim, column, claimed)
+                if other is None:
+                    continue
+                pushed += 1
+                changed = [
+                    (other if frame is events else frame, claims) for frame, claims in groups
+                ]
+                found = {one.name: one for one in engine.family(*changed, **how)}
+                whole = found[claim.name].test
+                above = whole.estimate.value > claim.value
+                assert above == (claimed == (claim.side != AT_MOST)), claim.name
+                assert whole.p_holm < 0.05, claim.name
+                assert found[claim.name].holds if claimed else found[claim.name].verdict != HOLDS
+                for frame, claims in groups:
+                    for one in claims:
+                        if frame is not events or column not in told_of(one):
+                            assert found[one.name].verdict == before[one.name].verdict, (
+                                claim.name,
+                                one.name,
+                            )
+        assert pushed > len(chosen)
+
+
+@pytest.mark.parametrize("label", WITH_CLAIMS)
+def test_a_bound_of_a_conjunction_that_is_missed_is_said_and_nothing_else_changes(label, judged):
+    found = judged(label)
+    pushed = 0
+    for events, claim, args, how in found.conjunctions:
+        before = engine.conjunction(events, claim, *args, **how)
+        for k, leaf in enumerate(claim.leaves):
+            if leaf.exact or before.verdict != HOLDS:
+                continue
+            other = pushed_over(events, leaf, column_of(leaf, events), claimed=False)
+            if other is None:
+                continue
+            pushed += 1
+            after = engine.conjunction(other, claim, *args, **how)
+            column = column_of(leaf, events)
+            if not (claim.mean and k == 0):
+                assert any(text.startswith(f"not {leaf.name}") for text in after.conditions), (
+                    leaf.name
+                )
+            alike = [one.name for one in claim.leaves if column in told_of(one)]
+            said = [
+                text.removeprefix("not shown ").removeprefix("not ") for text in after.conditions
+            ]
+            assert all(text.startswith(tuple(alike)) for text in said), leaf.name
+            needed = len(claim.leaves) - len(claim.besides)
+            wanted = CONDITIONS if k >= needed or (claim.some and needed > 1) else FAILS
+            if len(alike) == 1:
+                assert after.verdict == wanted, leaf.name
+    assert found.families or pushed
+
+
+def column_of(claim: Claim, events: pd.DataFrame) -> str:
+    """The first column that a claim's mean names."""
+    return next(name for name in names_in(claim.mean) if name in events)
+
+
+def told_of(claim: Claim) -> Counter:
+    """Names in all that decides a claim."""
+    texts = [claim.mean, claim.only, *claim.parts.values()]
+    texts += [text for one in claim.besides for text in (one.mean, one.only)]
+    return Counter(name for text in texts if text for name in names_in(text))
+
+
+def pushed_over(events, claim, column, claimed):
+    """The events with a column changed so that the claim's mean lies clearly on the claimed side, or on the other one."""
+    if column in names_in(claim.only or "0") or len(claim.bearing(events)) < 10:
+        return None
+    values = claim.values(events).astype(float)
+    mean, spread = float(values.mean()), float(values.std())
+    sign = (1.0 if claimed else -1.0) * (-1.0 if claim.side == AT_MOST else 1.0)
+    margin = max(0.1 * abs(claim.value), 3.0 * spread, 1e-3)
+    target = claim.value + sign * (claim.tolerance + margin)
+    old = events[column].astype(float)
+
+    def changed(new):
+        other = events.assign(**{column: new})
+        return other, float(claim.values(other).astype(float).mean())
+
+    for more in (1.0 + 0.0 * old, old):  # shifted, or scaled
+        times, reached = 0.0, mean
+        for _ in range(6):  # sizes do not follow in proportion
+            slope = changed(old + (times + 1.0) * more)[1] - reached
+            times += (target - reached) / slope if slope else 0.0
+            other, reached = changed(old + times * more)
+            if abs(reached - target) < 0.3 * margin:
+                return other
+    other, reached = changed(1.0 + target + 0.0 * old)  # of what is a distance from 1
+    return other if abs(reached - target) < 0.3 * margin else None
