@@ -25,7 +25,7 @@ html_show_copyright = False
 html_show_sourcelink = html_copy_source = False
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "cyclopts.ext.sphinx"]
-exclude_patterns = ["plugins", "results"]
+exclude_patterns = ["plugins", "results", "tables"]
 root_doc = "index"
 
 # Notebooks are run at every build: what they show is what the present code gives.

@@ -1,8 +1,8 @@
 """Numbers of README and docs: what each is computed from, what is stored of it, and whether a page still says so.
 
-`docs/numbers.toml` names the numbers, `docs/results` keeps what was computed, and `docs/numbers.md` explains both. Tests
-compare page, manifest and stored values. `python -m tests.numbers compute STUDY` computes a study's values again, stores
-them and writes them into the pages.
+`docs/numbers.toml` names the numbers, `docs/results` keeps what was computed, `docs/tables` has the tables that are made of
+it, and `docs/numbers.md` explains them. Tests compare pages, tables, manifest and stored values. `python -m tests.numbers
+compute STUDY` computes a study's values again, stores them, and writes tables and sentences.
 """
 
 import argparse
@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import cache
+from itertools import product
 from pathlib import Path
 from string import Formatter
 from typing import Any
@@ -24,6 +25,7 @@ import joblib
 ROOT = Path(__file__).parents[1]
 MANIFEST = ROOT / "docs" / "numbers.toml"
 STORED = ROOT / "docs" / "results"
+TABLES = ROOT / "docs" / "tables"
 GUARDS = ROOT / "tests" / "results_hash.json"
 OVER_ROWS = {"mean": 1, "median": 1, "max": 1, "sum": 1, "count": 1, "interval": 3}
 """What a cell may ask of a column of a study's table -> how many values that gives; an interval is mean, low and high."""
@@ -124,6 +126,54 @@ class Number:
                 parts.append(SLOTS.get(spec) or SLOTS[spec[-1:] or "s"])
         return re.compile("".join(parts))
 
+    def line(self, stored: Mapping[str, Mapping[str, Any]]) -> str:
+        """The text with its values."""
+        values = iter(self.filled(stored))
+        parts = Formatter().parse(self.text)
+        return "".join(
+            words + ("" if form is None else next(values)) for words, _, form, _ in parts
+        )
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that pages include: its heading, and a text with its cells for each row."""
+
+    name: str
+    head: str
+    rows: tuple[Number, ...]
+
+    @property
+    def path(self) -> Path:
+        """File of the table."""
+        return TABLES / f"{self.name}.md"
+
+    def made(self, stored: Mapping[str, Mapping[str, Any]]) -> str:
+        """The table as Markdown, from values stored by study and cell; columns of numbers stand at the right."""
+        lines = [row.line(stored) for row in self.rows]
+        columns = zip(*(line[1:-1].split("|") for line in lines), strict=True)
+        numeric = [all(re.match(r" *([-+>\d]|$)", one) for one in column) for column in columns]
+        sides = ["--:" if one else "---" for one in numeric]
+        return "\n".join([self.head, f"|{'|'.join(sides)}|", *lines, ""])
+
+
+def expanded(cell: str) -> list[str]:
+    """A cell for each of its alternatives `<one; other>`; those that stand first change fastest."""
+    parts = re.split(r"<(.*?)>", cell)
+    choices = [part.split("; ") if k % 2 else [part] for k, part in enumerate(parts)]
+    return ["".join(reversed(one)) for one in product(*reversed(choices))]
+
+
+def _rows(part: Mapping[str, Any]) -> Iterator[Number]:
+    """The rows of a part: `$1`, `$2` in text and cells stand for the words of each row."""
+    for row in part.get("rows", [[]]):
+        words = [row] if isinstance(row, str) else row
+        text, *cells = [
+            re.sub(r"\$(\d)", lambda match, words=words: words[int(match[1]) - 1], one)
+            for one in (part["text"], *part.get("cells", []))
+        ]
+        yield Number((), text, tuple(cell for one in cells for cell in expanded(one)))
+
 
 def _shown(value: Any, form: str) -> str:
     """A value in a slot; what is rounded to zero has no minus."""
@@ -162,9 +212,19 @@ def numbers() -> list[Number]:
     ]
 
 
+def tables() -> list[Table]:
+    """Every table in its order."""
+    return [
+        Table(name, entry["head"], tuple(row for part in parts for row in _rows(part)))
+        for name, entry in manifest()["table"].items()
+        for parts in [[entry, *entry.get("more", [])]]
+    ]
+
+
 def cells_of(name: str) -> list[str]:
     """Cells that the manifest asks of a source."""
-    found = [cell for number in numbers() for cell in number.cells]
+    rows = [row for table in tables() for row in table.rows]
+    found = [cell for number in (*rows, *numbers()) for cell in number.cells]
     return list(dict.fromkeys(cell for cell in found if cell.split(" | ")[0] == name))
 
 
@@ -244,8 +304,13 @@ def compute(names: Sequence[str], folder: Path, jobs: int) -> None:
 
 
 def write(names: Sequence[str]) -> None:
-    """Write what is stored of these sources into the pages."""
+    """Write what is stored of these sources into tables and pages."""
     values = stored()
+    TABLES.mkdir(exist_ok=True)
+    for table in tables():
+        needed = {name for row in table.rows for name in row.sources}
+        if needed & set(names) and all(values[one] for one in needed):
+            table.path.write_text(table.made(values), encoding="utf-8")
     for number in numbers():
         if number.sources & set(names) and all(values[one] for one in number.sources):
             for page in number.pages:

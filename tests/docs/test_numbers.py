@@ -8,14 +8,17 @@ import pytest
 
 from tests.docs.pages import PAGES
 from tests.numbers import (
+    TABLES,
     Number,
     cells_of,
     drifts,
+    expanded,
     manifest,
     numbers,
     rewritten,
     sources,
     stored,
+    tables,
     unnamed,
 )
 
@@ -32,6 +35,36 @@ def test_pages_say_what_is_stored():
     ]
 
 
+def test_tables_are_those_that_are_made_of_what_is_stored():
+    other = [
+        one.name for one in tables() if one.path.read_text(encoding="utf-8") != one.made(VALUES)
+    ]
+    assert not other, "`python -m tests.numbers write` makes them again"
+    assert sorted(TABLES.iterdir()) == sorted(one.path for one in tables())
+
+
+def test_every_table_stands_on_one_page():
+    included = re.findall(
+        r"^```\{include\} tables/(\S+)\.md$", "\n".join(PAGES.values()), re.MULTILINE
+    )
+    assert sorted(included) == sorted(one.name for one in tables())
+
+
+def test_tables_have_a_cell_for_each_heading():
+    for table in tables():
+        lines = table.made(VALUES).splitlines()
+        assert len({len(re.findall(r"(?<!\\)\|", line)) for line in lines}) == 1, table.name
+
+
+def test_alternatives_of_a_cell_stand_in_order():
+    assert expanded("a | <b; c>, less | d=<1; 2>") == [
+        "a | b, less | d=1",
+        "a | c, less | d=1",
+        "a | b, less | d=2",
+        "a | c, less | d=2",
+    ]
+
+
 def test_stored_values_are_those_of_the_present_results_and_what_the_manifest_names():
     """A hash of `results_hash.json` that guards a study has changed: the study is to be computed again."""
     old, other = [], []
@@ -39,7 +72,7 @@ def test_stored_values_are_those_of_the_present_results_and_what_the_manifest_na
         content = json.loads(source.path.read_text())
         if (content["guard"], content["command"]) != (source.guard_digest(), source.command):
             old.append(f"make results STUDY={name}")
-        if list(VALUES[name]) != cells_of(name):
+        if sorted(VALUES[name]) != sorted(cells_of(name)):
             other.append(name)
     assert not old
     assert not other
