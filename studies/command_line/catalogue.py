@@ -25,7 +25,10 @@ def catalogue() -> dict[str, dict[str, str]]:
         "trains": {name: _train(name) for name in SETS},
         "lines (run-line)": shipped(LINES),
         "trains (run-line)": shipped(TRAINS),
-        "sweeps": {name: study.question for name, study in all_studies().items()},
+        "sweeps": {
+            name: f"{study.question}{''.join(f' [--{own}]' for own in study.settings).replace('_', '-')}"
+            for name, study in all_studies().items()
+        },
         "figures": dict(gallery().descriptions()),
         "metrics": {
             name: m.description + ("" if m.unit == "1" else f" [{m.unit}]")

@@ -2,11 +2,12 @@
 
 import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Literal, get_args, get_origin
 
 from cyclopts import Parameter, Token
 
@@ -80,17 +81,6 @@ def _option(field: str) -> str:
     return f"--{field.replace('_', '-')}"
 
 
-def split_numbers(option: str, values: Sequence[str]) -> list[float]:
-    """Numbers given one by one, with commas or with spaces."""
-    parts = " ".join(values).replace(",", " ").split()
-    if not parts:
-        raise StudyError(f"{option} was given without a number")
-    try:
-        return [float(part) for part in parts]
-    except ValueError:
-        raise StudyError(f"{option} {' '.join(values)}: give numbers, such as 0.05") from None
-
-
 def check_whole(option: str, value: int, least: int, most: int) -> None:
     """Raise `StudyError` unless a whole number is one from `least` to `most`."""
     if not least <= value <= most:
@@ -138,41 +128,33 @@ class Work:
 EVERYTHING = Work()
 
 
-@Parameter(name="*")
-@dataclass(frozen=True)
-class StudyOptions:
-    """What a sweep is made of, where it says so: settings of the studies whose `options` name them."""
-
-    adhesion: Names = None
-    """wsp-acceptance: adhesion coefficients of uniform rail, one by one or with commas [default: the sweep's table]."""
-    curve: Names = None
-    """wsp-acceptance: adhesion curves, of piecewise, polach and slip-ratio [default: all]."""
-    speed_kmh: float | None = None
-    """wsp-acceptance: speed from which the train brakes [default: 100]."""
-    train: str | None = None
-    """wsp-acceptance: name of a train or path of its file; motors rest [default: that of JP4209318, 1 to 8 cars]."""
-    law: str | None = None
-    """wsp-acceptance: law of the slide protection [default: fuzzy]."""
-    source: str | None = None
-    """sanders: speed that slip is measured from, estimate or truth [default: estimate]."""
-    errors: str | None = None
-    """line-position: path of a file with the errors of odometer, signals and map [default: typical ones]."""
-    controllers: Names = None
-    """headroom: readhesion controllers, one by one or with commas [default: cut-and-ramp, perturb-observe]."""
-
-    def settings(self, study: "Study") -> dict[str, object]:
-        """What was given, by name; raises `StudyError` where `study` has no such option, or a value is none."""
-        given = {name: value for name, value in vars(self).items() if value is not None}
-        for name in given.keys() - set(study.options):
-            option = name.replace("_", "-")
-            raise StudyError(f"--{option} is no option of the sweep {study.name!r}")
-        values: dict[str, object] = {**given}
-        for name in ("curve", "controllers"):
-            if name in given:
-                values[name] = split_names(getattr(self, name))
-        if self.adhesion is not None:
-            values["adhesion"] = split_numbers("--adhesion", self.adhesion)
-        return values
+Settings = Annotated[list[str], Parameter(consume_multiple=True, negative_iterable=())]
+"""Words after each option of a single sweep, by the option's name."""
 
 
-AS_IT_IS = StudyOptions()
+def settings_of(study: "Study", given: Mapping[str, Sequence[str]]) -> dict[str, object]:
+    """Settings of a study from the options that it has by the signature of its cells; values are read by their types.
+
+    Raises `StudyError` where the study has no such option, or a value is none.
+    """
+    from pydantic import TypeAdapter, ValidationError  # slow to import
+
+    kinds, found = study.settings, {}
+    for option, words in given.items():
+        name = option.replace("-", "_")
+        if name not in kinds:
+            has = ", ".join(map(_option, kinds)) or "none of its own"
+            raise StudyError(
+                f"--{option} is no option of the sweep {study.name!r}, which has {has}"
+            )
+        parts = split_names(words)
+        kind = kinds[name]
+        if isinstance(kind, UnionType):  # or None
+            kind = get_args(kind)[0]
+        several = get_origin(kind) in (Sequence, list, tuple)
+        try:
+            found[name] = TypeAdapter(kind).validate_python(parts if several else " ".join(words))
+        except ValidationError as error:
+            what = error.errors()[0]["msg"]
+            raise StudyError(f"--{option} {' '.join(words)}: {what[0].lower()}{what[1:]}") from None
+    return found

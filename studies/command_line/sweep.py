@@ -8,15 +8,15 @@ from cyclopts import Parameter
 
 from studies.command_line.options import (
     ALL_FAILED,
-    AS_IT_IS,
     EVERYTHING,
     GREATEST_SEED,
     MOST_EVENTS,
     FilePath,
-    StudyOptions,
+    Settings,
     Whole,
     Work,
     check_whole,
+    settings_of,
 )  # fmt: skip
 from studies.command_line.terminal import console, counted, of_shard, progress
 from studies.files.writable import check_place
@@ -29,8 +29,8 @@ def sweep(
     out: FilePath = Path("results"),
     seed: Whole = 0,
     work: Work = EVERYTHING,
-    own: StudyOptions = AS_IT_IS,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
+    **own: Settings,
 ) -> int:
     """Ask one question over many random events, and state what the answer is.
 
@@ -48,6 +48,8 @@ def sweep(
         Seed of the events, 0 or greater.
     as_json
         Print JSON instead of text.
+    own
+        Options of the sweep itself, by the arguments of its cells: `readhesion list` names them.
     """
     from studies.core.collection import find_study, study_folder
     from studies.core.shard import read_shard
@@ -57,7 +59,7 @@ def sweep(
     count = chosen.default_events if events is None else events
     check_whole("--events", count, 1, MOST_EVENTS)
     check_whole("--seed", seed, 0, GREATEST_SEED)
-    settings = own.settings(chosen)
+    settings = settings_of(chosen, own)
     shard = read_shard(work.shard)
     check_place(out, of_results=True)
     folder = study_folder(out, name)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from inspect import signature
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 import pandas as pd
 
@@ -49,8 +49,6 @@ class Study:
     """Whether statements need every row, and each one ok."""
     step: int = 1
     """Smallest number of events that adds cells to those of fewer events and does not change any."""
-    options: tuple[str, ...] = ()
-    """Settings that the command line may give, by their names in `studies.command_line.options`."""
     shown: Mapping[str, str] = field(default_factory=dict)
     """Columns that `readhesion sweep` prints of every row, each with its heading. With `--json` it gives all of them."""
     claims: Sequence[Claim] | Callable[..., Sequence[Claim]] = ()
@@ -108,6 +106,13 @@ class Study:
             some = numbers[start : start + BLOCK]
             yield self.cells(seed, some, **settings), Block(start, max(len(some), 1), len(numbers))
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The study's own settings by name, with their types: arguments of its cells after seed and events."""
+        made = self.cells.of_one if isinstance(self.cells, EachEvent) else self.cells
+        hints = get_type_hints(made)
+        return {name: hints.get(name, str) for name in list(signature(made).parameters)[2:]}
+
     def statements(self, table: pd.DataFrame) -> list[Statement]:
         """Statements from the table; raises `StudyError` where it lacks what the statements need."""
         bad = table["status"] != "ok" if "status" in table else pd.Series(dtype=bool)
@@ -163,12 +168,12 @@ class EachEvent:
     """Cells of many events from a function that gives those of one, called with seed, number k and settings."""
 
     def __init__(self, cells: Callable[..., Sequence[Cell]]) -> None:
-        self._cells = cells
+        self.of_one = cells
 
     def __call__(self, seed: int, events: int | Sequence[int], **settings: object) -> list[Cell]:
         """Cells of the first so many events, or of those with these numbers."""
         numbers = range(events) if isinstance(events, int) else events
-        return [cell for k in numbers for cell in self._cells(seed, k, **settings)]
+        return [cell for k in numbers for cell in self.of_one(seed, k, **settings)]
 
 
 class Block(NamedTuple):

@@ -35,5 +35,4 @@ HEADROOM = Study(
     finish=EVENTS.joined,
     judge=lambda table: headroom_statements(complete(table)),
     claims=headroom_claims,
-    options=("controllers",),
 )

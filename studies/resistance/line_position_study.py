@@ -29,6 +29,5 @@ LINE_POSITION = Study(
     cells=EachEvent(cells),
     judge=position_statements,
     whole=True,
-    options=("errors",),
     claims=tuple(claim for claims in CLAIMS.values() for claim in claims),
 )

@@ -72,5 +72,4 @@ SANDERS = Study(
     default_events=10,
     cells=cells,
     judge=lambda table: sander_statements(table[table["status"] == "ok"]),
-    options=("source",),
 )

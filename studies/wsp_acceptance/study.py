@@ -65,7 +65,6 @@ WSP_ACCEPTANCE = Study(
     default_events=12,
     cells=cells,
     judge=lambda table: acceptance_statements(table[table["status"] == "ok"]),
-    options=("adhesion", "curve", "speed_kmh", "train", "law"),
     shown={
         "part": "part", "train": "train", "event": "event",
         "adhesion_used": "used", "true_speed_adhesion_used": "with true speed",

@@ -8,10 +8,12 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 from PIL import Image
+from pydantic import TypeAdapter
 
 import alloc.rules.qp
 from alloc.metrics import METRICS
@@ -20,9 +22,12 @@ from alloc.recording import load
 from alloc.rules import RULES
 from alloc.sources import ASIDE
 from studies.command_line.main import run
-from studies.command_line.options import command_of
+from studies.command_line.options import command_of, settings_of
+from studies.core.collection import all_studies
 from studies.core.plugins import VARIABLE
 from studies.core.store import Store
+from studies.core.study import EachEvent, Study
+from studies.files.study_error import StudyError
 from studies.scenario.loading import shipped_scenarios
 
 PNG, PDF = b"\x89PNG", b"%PDF"
@@ -179,6 +184,38 @@ def test_everything_that_can_be_chosen_is_listed(call):
     assert all(meaning for kind in content.values() for meaning in kind.values())
     _, printed, _ = call("list")
     assert "[kJ]" in printed
+
+
+def test_options_of_a_sweep_are_the_arguments_of_its_cells_read_by_their_types():
+    def cells(
+        seed: int,
+        k: int,
+        gain: float = 1.0,
+        rules: Sequence[str] | None = None,
+        steps: tuple[int, ...] = (),
+    ):
+        return []
+
+    study = Study("own", "is it?", 1, EachEvent(cells), lambda table: [])
+    given = {"gain": ["0.5"], "rules": ["greedy,exact", "alone"], "steps": ["1,2"]}
+    assert settings_of(study, given) == {
+        "gain": 0.5,
+        "rules": ["greedy", "exact", "alone"],
+        "steps": (1, 2),
+    }
+    for bad, message in (
+        ({"gain": ["x"]}, "--gain x: .*number"),
+        ({"steps": ["1,2.5"]}, "--steps 1,2.5: .*integer"),
+        (
+            {"rule": ["greedy"]},
+            "--rule is no option of the sweep 'own', which has --gain, --rules, --steps",
+        ),
+    ):
+        with pytest.raises(StudyError, match=message):
+            settings_of(study, bad)
+    for shipped in all_studies().values():
+        for kind in shipped.settings.values():
+            TypeAdapter(kind)
 
 
 def test_seeds_of_a_scenario_that_draws_nothing_are_refused(refused, write_scenario):

@@ -8,7 +8,7 @@ import pytest
 from alloc.errors import OnboardError
 from alloc.onboard.line_memory import Odometer, PositionDetector
 from alloc.plant.rail import Line
-from studies.command_line.options import StudyOptions
+from studies.command_line.options import settings_of
 from studies.files.study_error import StudyError
 from studies.resistance.driven_cases import (
     CARS,
@@ -102,7 +102,7 @@ def test_a_file_says_the_errors_with_units(tmp_path):
     path = tmp_path / "errors.toml"
     path.write_text("odometer_error = 0.02\nplace_deviation_m = 35.0\ndelay_s = 0.5\n")
     assert read_line_errors(str(path)) == LineErrors(0.02, 0.0, 0.5, 35.0)
-    assert StudyOptions(errors=str(path)).settings(LINE_POSITION) == {"errors": str(path)}
+    assert settings_of(LINE_POSITION, {"errors": [str(path)]}) == {"errors": str(path)}
 
 
 @pytest.mark.parametrize(
