@@ -42,7 +42,7 @@ $(DOCS): $(STAMP)
 docs: $(DOCS)        ## build the documentation site into build/docs; a warning is an error
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs build/docs
 
-results: setup       ## compute the numbers of README and docs again, or those of one STUDY, and write them into the pages
+results: setup       ## compute the numbers of README and docs again, or those of one STUDY, and write tables and sentences
 	$(BIN)/python -m tests.numbers compute $(STUDY)
 
 test: setup          ## run the tests

@@ -31,12 +31,9 @@ OVER_ROWS = {"mean": 1, "median": 1, "max": 1, "sum": 1, "count": 1, "interval":
 """What a cell may ask of a column of a study's table -> how many values that gives; an interval is mean, low and high."""
 SLOTS = {
     "f": r"([-+]?\d+(?:\.\d+)?)",
-    "e": r"(\d+e[-+]\d+)",
-    "d": r"([-+]?\d+)",
     "s": r"([a-z, ]+?)",
-    "<s": r"([^|\n]+?)",
 }
-"""Kind of a slot -> what a page may have in it: numbers, words of verdicts, and a cell of a table."""
+"""Kind of a slot -> what a sentence may have in it: numbers, and words of verdicts."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +120,7 @@ class Number:
         for words, _, spec, _ in Formatter().parse(self.text):
             parts.append(re.sub(r"(?:\\ )+", r"\\s+", re.escape(words)))
             if spec is not None:
-                parts.append(SLOTS.get(spec) or SLOTS[spec[-1:] or "s"])
+                parts.append(SLOTS[spec[-1:] or "s"])
         return re.compile("".join(parts))
 
     def line(self, stored: Mapping[str, Mapping[str, Any]]) -> str:
