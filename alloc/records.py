@@ -270,8 +270,10 @@ def _numeric(kind: type) -> dict[str, type]:
 
 @cache
 def _named_tuple(kind: Any, fields: tuple[str, ...]) -> Any:
-    made = kind.Numbers = namedtuple(kind.__name__, fields, module=kind.__module__)
-    made.__qualname__ = f"{kind.__qualname__}.Numbers"  # where Numba's cache looks for it
+    name = f"Numbers_{'_'.join(fields)}"
+    made = namedtuple(kind.__name__, fields, module=kind.__module__)
+    made.__qualname__ = f"{kind.__qualname__}.{name}"  # where Numba's cache looks for it
+    setattr(kind, name, made)
     return made
 
 

@@ -45,7 +45,7 @@ def check(
     broken = [one for one in found if one.fault]
     if as_json:
         rows = [
-            {"law": one.law.name, "meaning": one.law.meaning, "holds": not one.fault, "worst": str(one.worst),
+            {"law": one.law.name, "meaning": one.law.meaning, "kept": not one.fault, "worst": str(one.worst),
              "fault": one.fault, "counterexample": one.counterexample}
             for one in found
         ]  # fmt: skip
@@ -53,11 +53,11 @@ def check(
         return int(bool(broken))
     screen = console()
     table = Table(title=f"{registry.kind} {name}", title_justify="left")
-    for heading in ("law", "holds", "worst", "meaning"):
+    for heading in ("law", "kept", "worst", "meaning"):
         table.add_column(heading)
     for one in found:
-        holds = "no" if one.fault else "yes"
-        table.add_row(one.law.name, holds, f"{one.worst:.2g}", escape(one.law.meaning))
+        kept = "no" if one.fault else "yes"
+        table.add_row(one.law.name, kept, f"{one.worst:.2g}", escape(one.law.meaning))
     screen.print(table)
     for one in broken:
         screen.print(f"[bold]{one.law.name}[/bold]: {escape(one.fault)}; worst {one.worst:.3g}")

@@ -53,6 +53,8 @@ CREEP_UNSURE = 0.15
 """Standard deviation of creep, relative."""
 LEAST_RADIUS = 1e-3
 """Error of a radius below which nothing is changed."""
+STEADY = 0.1
+"""Share of a wheel's usual difference from the others that its least one may lack, if it is no slip."""
 WORN = 2.5e-3
 """Error of rolling wheels' radii from which on they are worn; where a third of them is, the others count as worn too."""
 UNLIKE = 2.6e-3
@@ -583,6 +585,7 @@ def _radii(
         return found, False
     side = np.sign(wheels.side[use].sum())
     ratio = known[:, never] / v - 1
+    ratio = ratio[np.isfinite(ratio).any(axis=1)]
     own = np.nanmedian(ratio, axis=0)
     spread = np.nanmedian(np.abs(ratio - own), axis=0)
     apart = own - np.median(own) if never.size > 3 else own
@@ -593,8 +596,11 @@ def _radii(
         worn = bool(
             never.size > 1 and np.mean(np.maximum(-side * (own - np.median(own)), 0.0)) > UNLIKE
         )
-    # slip that lasts looks like a radius, to its side
-    sure = (side * apart < 0.0) & (np.abs(apart) > np.maximum(5e-3, 5.0 * spread))
+    # slip that lasts looks like a radius, to its side, but a radius is the same before a slip
+    against = ratio - np.nanmedian(ratio, axis=1)[:, None] if never.size > 3 else ratio
+    least, usual = np.nanquantile(side * against, (0.1, 0.5), axis=0)
+    sure = (side * apart < 0.0) | (usual - least < STEADY * usual)
+    sure &= np.abs(apart) > np.maximum(5e-3, 5.0 * spread)
     found[never] = np.where(sure & (not worn), apart, 0.0)
     return found, worn
 

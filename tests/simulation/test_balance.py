@@ -49,7 +49,7 @@ def test_each_limit_and_each_missing_number_is_noticed(monkeypatch, event):
         ("motor_torque", 1.01 * model.structure.drive_table.max(), "a motor's torque exceeds its greatest at 2 s"),
         ("cylinder_pressure", 1.01 * brakes[0].maximum_pressure, "pressure is outside 0 to its supply at 2 s"),
         ("cylinder_pressure", -100.0, "pressure is outside 0 to its supply at 2 s"),
-        ("coefficient", -1.02 * run["adhesion_limit"].values[200, 0], "force exceeds what its rail carries at 2 s"),
+        ("coefficient", -1.03 * run["adhesion_limit"].values[200, 0], "force exceeds what its rail carries at 2 s"),
         ("reference_speed", np.nan, "reference_speed is not finite at 2 s"),
     ):  # fmt: skip
         changed = run.copy(deep=True)

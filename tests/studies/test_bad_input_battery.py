@@ -144,6 +144,8 @@ COMMAND_LINES = [
     Case("sweep wsp-acceptance --train one-axle", "no air brake"),
     Case("sweep wsp-acceptance --train nope", "unknown train"),
     Case("sweep curves --adhesion 0.1", "no option of the sweep 'curves'"),
+    Case("check gredy", "did you mean 'greedy'"),
+    Case("check greedy --promise none", "--promise none"),
     Case("compare --jobs -1", "--jobs -1"),
     Case("compare --jobs 1000", "--jobs 1000"),
     Case("compare --jobs two", "'two' is not a whole number"),

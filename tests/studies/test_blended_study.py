@@ -233,7 +233,8 @@ def test_a_run_that_failed_takes_its_stop_out_of_every_arm():
 
 
 def test_parts_come_in_pairs_and_every_stop_is_in_one_of_each():
-    parts = [part(pairs_of(blended_table())) for part in PARTS.values()]
+    events = pairs_of(blended_table())
+    parts = [events.eval(part) for part in PARTS.values()]
     for one, other in zip(parts[::2], parts[1::2], strict=True):
         assert (one ^ other).all()
         assert 0 < one.sum() < len(one)

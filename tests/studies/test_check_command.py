@@ -37,13 +37,13 @@ def test_a_part_that_keeps_its_laws(call):
     assert "gap to the exact level" in out
     code, out, _ = call("check", "rational", "--json")
     assert code == 0
-    assert {law["holds"] for law in json.loads(out)["laws"]} == {True}
+    assert {law["kept"] for law in json.loads(out)["laws"]} == {True}
 
 
 def test_a_part_that_breaks_one_is_told_law_worst_value_and_counterexample(call, plugin):
     code, out, _ = call(*plugin, "check", "more", "--json")
     assert code == 1
-    broken = [law for law in json.loads(out)["laws"] if not law["holds"]]
+    broken = [law for law in json.loads(out)["laws"] if not law["kept"]]
     assert [law["law"] for law in broken] == ["from rest", "case"]
     assert broken[0]["counterexample"].startswith("AllocationProblem(cap=[")
 
