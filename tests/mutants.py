@@ -208,7 +208,7 @@ class _Watch:
             self.note(report.nodeid, "failed")
 
     def note(self, test: str, outcome: str, seconds: float = 0.0) -> None:
-        with Path("results").open("a") as file:
+        with Path("outcomes").open("a") as file:
             print(json.dumps([test, outcome, seconds]), file=file)
 
 
@@ -250,7 +250,7 @@ def _pytest(files: list[str], wanted: list[str] | None, seconds: float, uncompil
 
 def run(files: list[str], wanted: list[str] | None, seconds: float, uncompiled: bool) -> Outcomes:
     """Outcomes of the tests in files; of the `wanted` ones in their order, up to the first that fails, as a crash does."""
-    Path("results").write_text("")
+    Path("outcomes").write_text("")
     child = os.fork()
     if child == 0:
         try:
@@ -259,7 +259,7 @@ def run(files: list[str], wanted: list[str] | None, seconds: float, uncompiled: 
             traceback.print_exc()
             os._exit(70)
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    lines = map(json.loads, Path("results").read_text().splitlines())
+    lines = map(json.loads, Path("outcomes").read_text().splitlines())
     found = {test: (outcome, spent) for test, outcome, spent in lines}
     last = next(reversed(found), files[0])
     return {**found, last: ("failed", seconds)} if code not in (0, 1, 5) else found
@@ -467,7 +467,7 @@ def main() -> int:
     for library in LIBRARIES.split():
         importlib.import_module(library)
     with tempfile.TemporaryDirectory() as folder:
-        ignored = shutil.ignore_patterns(".*", "build", "__pycache__")
+        ignored = shutil.ignore_patterns(".*", "build", "results", "__pycache__")
         shutil.copytree(ROOT, folder, dirs_exist_ok=True, ignore=ignored)
         os.chdir(folder)
         os.environ["PYTHONPATH"] = folder  # for processes that tests start

@@ -166,7 +166,7 @@ def stub(monkeypatch):
     )
     study = SimpleNamespace(
         name="claims", default_events=7, run=study_run, statements=lambda _: [statement],
-        options=(), shown={}, claimed=lambda **_: (),
+        settings={}, shown={}, claimed=lambda **_: (),
     )  # fmt: skip
     monkeypatch.setattr("studies.core.collection.find_study", {"claims": study}.__getitem__)
     return calls
