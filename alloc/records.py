@@ -271,7 +271,7 @@ def _numeric(kind: type) -> dict[str, type]:
 @cache
 def _named_tuple(kind: Any, fields: tuple[str, ...]) -> Any:
     name = f"Numbers_{'_'.join(fields)}"
-    made = namedtuple(kind.__name__, fields, module=kind.__module__)
+    made = namedtuple(kind.__name__, fields, module=kind.__module__)  # type: ignore[misc]
     made.__qualname__ = f"{kind.__qualname__}.{name}"  # where Numba's cache looks for it
     setattr(kind, name, made)
     return made
