@@ -82,10 +82,10 @@ def damage_errors(
     run: "MeasuredRun",
     coefficient: Floats,
     axle_load: Floats,
-    by_half: float = 0.0,
-    of_car: float = 0.0,
-    damage: Floats | float = 0.0,
-    filled: float = 0.0,
+    by_half: float,
+    of_car: float,
+    damage: Floats,
+    filled: float,
 ) -> DamageErrors | None:
     """Errors of Q of a `run`, from the `coefficient` of its axles (instants, axles) and their load [N] (axles,).
 
@@ -128,7 +128,7 @@ def damage_errors(
     by_speed = float(np.hypot(by_speed, of_car * float(step @ np.abs(total))))
     by_sensors = float(np.sqrt(sensors))
     radius = PERMILLE * float(step @ (total * speed))
-    floor, by_filled = LEAST * abs(float(np.sum(damage))), FILLED * abs(filled)
+    floor, by_filled = LEAST * abs(float(damage.sum())), FILLED * abs(filled)
     by_forces = FORCES * float(np.linalg.norm(damage))
     squares = (
         by_speed**2 + by_delay**2 + sensors + by_half**2 + floor**2 + by_filled**2 + by_forces**2

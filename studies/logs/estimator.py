@@ -310,10 +310,11 @@ def _corrected(log: Log, found: Fit, names: dict[int, str]) -> Estimate:
         after = np.clip(np.searchsorted(z.time, t + late), 1, z.time.size - 1)
         inside &= z.time[after] - z.time[after - 1] < max(BRIDGED, 1.5 * z.period)
         # a receiver without a fix says anything, and one that has stopped repeats itself
-        apart = np.abs(np.interp(t + late, z.time, z.value) / (1 + scale) - v)
+        measured = np.interp(t + late, z.time, z.value) / (1 + scale)
+        apart = np.abs(measured - v)
         near = max(NEAR, 10.0 * found.noise)
         inside &= apart < (near if np.mean(apart[inside] > near) < RARELY else FAR_OFF)
-        v = np.where(inside, np.interp(t + late, z.time, z.value) / (1 + scale), v)
+        v = np.where(inside, measured, v)
         followed = bool(late or scale)
     v = np.maximum(v, min(0.0, float(np.nanmin(log.rim))))  # a train rolls back as its wheels do
     accelerated = np.gradient(v, t)

@@ -403,7 +403,8 @@ def fit(
         "g": not log.told.any(),
     }
     b, e, noise, cost = np.zeros(K), np.zeros(a), 0.02, np.inf
-    resisted, worn = im.resisted(im.mean(first)), False
+    begun, worn = im.mean(first), False
+    resisted = im.resisted(begun)
     b += first[0]
     bend = np.diff(np.eye(3), 2, axis=0)[0] / KNOT  # change of the slope
     for turn in range(TURNS + 1):
@@ -426,15 +427,13 @@ def fit(
         E = slice(FIRST, None)
         narrow = 0.6 * 0.65**turn
         if turn in RADII:
-            over, creep = (
-                np.maximum(vc, 0.0)[:, None],
-                im.wheels.mu * (x["k0"] + x["k1"] * vc[:, None]),
-            )
+            over = np.maximum(vc, 0.0)[:, None]
+            creep = im.wheels.mu * (x["k0"] + x["k1"] * vc[:, None])
             law = creep_unsure(im.wheels.mu, over, x["k0"], x["k1"])
             e, worn = _radii(im.wheels, creep, vc, np.sqrt(least + law + narrow**2), alike)
         both = np.stack([given, by_delay], axis=1)
         columns = np.column_stack([both, np.ones(vc.size), vc])
-        state = State(vc, im.mean(first), columns, e, x["k0"], x["k1"], narrow, alike)
+        state = State(vc, begun, columns, e, x["k0"], x["k1"], narrow, alike)
         cost += add_wheels(im.wheels, state, turn == 0, Normal(band, side, corner, rb, r))
         # the speed's channel
         if z is not None and turn > 0:
@@ -588,16 +587,16 @@ def _radii(
     ratio = ratio[np.isfinite(ratio).any(axis=1)]
     own = np.nanmedian(ratio, axis=0)
     spread = np.nanmedian(np.abs(ratio - own), axis=0)
-    apart = own - np.median(own) if never.size > 3 else own
+    beside = own - np.median(own)
+    against, apart = ratio, own
+    if never.size > 3:
+        against, apart = ratio - np.nanmedian(ratio, axis=1)[:, None], beside
     others = found[rolls.sum(0) >= 5]
     if others.size > 3:  # a train's wheels wear alike: those that roll tell whether they have
         worn = bool(np.mean(np.abs(others) > WORN) > 0.3)
     else:
-        worn = bool(
-            never.size > 1 and np.mean(np.maximum(-side * (own - np.median(own)), 0.0)) > UNLIKE
-        )
+        worn = bool(never.size > 1 and np.mean(np.maximum(-side * beside, 0.0)) > UNLIKE)
     # slip that lasts looks like a radius, to its side, but a radius is the same before a slip
-    against = ratio - np.nanmedian(ratio, axis=1)[:, None] if never.size > 3 else ratio
     least, usual = np.nanquantile(side * against, (0.1, 0.5), axis=0)
     sure = (side * apart < 0.0) | (usual - least < STEADY * usual)
     sure &= np.abs(apart) > np.maximum(5e-3, 5.0 * spread)
