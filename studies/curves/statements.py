@@ -1,12 +1,13 @@
-"""Statements of the sweep over adhesion curves: which conclusions keep their sign, and under which curves they do not."""
+"""Claims of the sweep over adhesion curves: which conclusions keep their sign, and under which curves they do not."""
 
 from typing import Any, NamedTuple
 
 import pandas as pd
 
-from studies.core.arms import Arm, arm_difference
+from studies.core.arms import Arm
+from studies.core.claims import Claim, conjunction, quantity
+from studies.core.drawn_events import paired
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
-from studies.core.verdict import Bound, agreement, decide, intervals_of, sides_of, unmet
 
 CURVES: dict[str, dict[str, Any]] = {
     "piecewise": {"kind": "piecewise"},
@@ -43,44 +44,45 @@ METRICS = {
 """Metric -> what a statement calls it."""
 
 
+def less(curve: str, pair: Pair, metric: str) -> str:
+    """A metric's difference between the arms of `pair` by event, on rails of `curve`."""
+    one, other = (f"'{metric}@{curve}/{'/'.join(arm)}'" for arm in (pair.one, pair.other))
+    return f"{one} - {other}"
+
+
+def _same_sign(pair: Pair, metric: str) -> Claim:
+    reason = "a conclusion has the same sign on every rail"
+    return Claim(
+        f"{pair.name}: {METRICS[metric]}",
+        f"the difference of {METRICS[metric]} has the sign that it has on the piecewise curve under every curve",
+        less(BASE, pair, metric), reason=reason, alike=True,
+        cases=tuple(
+            Claim(f"with {curve}", mean=less(curve, pair, metric), reason=reason)
+            for curve in CURVES if curve != BASE
+        ),
+        numbers={curve: less(curve, pair, metric) for curve in CURVES},
+        method="mean of paired differences; holds if its sign is that of the piecewise curve under all, does not where one "
+        f"is opposite, undecided where that has none; {INTERVALS_OF_MEANS}, {CONFIDENCE:.0%}",
+    )  # fmt: skip
+
+
+CLAIMS = tuple(_same_sign(pair, metric) for pair in PAIRS for metric in METRICS)
+
+
+def pairs_of(table: pd.DataFrame) -> pd.DataFrame:
+    """One row per event of rows that are ok, every metric as ``metric@curve/rule/controller``."""
+    arm = table["curve"] + "/" + table["rule"] + "/" + table["controller"]
+    return paired(table.assign(scenario=table["event"], arm=arm), "arm", METRICS, [])
+
+
 def curve_statements(table: pd.DataFrame) -> list[Statement]:
     """One statement per pair and metric, on the rows of a table of `studies.curves.study` that succeeded."""
-    return [_statement(table, pair, metric) for pair in PAIRS for metric in METRICS]
+    events = pairs_of(table)
+    return [conjunction(events, claim) for claim in CLAIMS]
 
 
 def paired_difference(
     table: pd.DataFrame, curve: str, pair: Pair, metric: str
 ) -> "pd.Series[float]":
     """A metric's difference between the arms of `pair` by event, on rails of `curve`."""
-    return arm_difference(table[table["curve"] == curve], pair.one, pair.other, metric)
-
-
-def _statement(table: pd.DataFrame, pair: Pair, metric: str) -> Statement:
-    found = {curve: paired_difference(table, curve, pair, metric) for curve in CURVES}
-    bounds = [Bound("", values, least=0.0) for values in found.values()]
-    rows = sides_of(bounds)
-    signs = dict(zip(CURVES, rows[0], strict=True))
-    base, direction = signs[BASE], {1: "more", -1: "less", 0: "neither more nor less"}
-
-    def verdict(row: tuple[int, ...]) -> str:
-        first, *others = row
-        return decide(
-            # without a sign on the piecewise curve there is none to keep
-            [first != 0 or None, *(s * first >= 0 for s in others)],
-            [s == first for s in others],
-            enough=all(bound.enough for bound in bounds),
-        )
-
-    return Statement(
-        f"{pair.name}: {METRICS[metric]}",
-        f"{direction[base]} {METRICS[metric]}, as on the piecewise curve, under every curve",
-        verdict(rows[0]),
-        intervals_of(found),
-        tuple(
-            unmet(f"with {curve}: {'the other way round' if s * base < 0 else direction[s]}")
-            for curve, s in signs.items() if s != base
-        ),
-        "mean of paired differences; holds if its sign is that of the piecewise curve under all, does not where one is "
-        f"opposite, undecided where that has none; {INTERVALS_OF_MEANS}, {CONFIDENCE:.0%}",
-        agreement=agreement(rows, verdict),
-    )  # fmt: skip
+    return quantity(pairs_of(table), less(curve, pair, metric)).astype(float)

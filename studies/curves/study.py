@@ -11,7 +11,7 @@ from studies.claims.quantities import draw, event_name
 from studies.core.drawn_rails import rail_offering
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
-from studies.curves.statements import CURVES, RULES, curve_statements
+from studies.curves.statements import CLAIMS, CURVES, RULES, curve_statements
 from studies.scenario.scenario import Scenario
 
 SEEKING = ("perturb-observe", "mpc")
@@ -62,4 +62,5 @@ CURVE_STUDY = Study(
     cells=EachEvent(cells),
     finish=meant,
     judge=lambda table: curve_statements(table[table["status"] == "ok"]),
+    claims=CLAIMS,
 )

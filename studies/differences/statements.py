@@ -1,11 +1,13 @@
-"""Thresholds, verdicts and numbers of the study of differences."""
+"""Claims and numbers of the study of differences."""
 
 import math
+from dataclasses import replace
 
 import pandas as pd
 
-from studies.core.statement import Interval, Statement, mean_interval, share_interval
-from studies.core.verdict import LEAST_EVENTS, Bound, decide, decided, with_and_without
+from studies.core.claims import AT_LEAST, AT_MOST, Claim, conjunction
+from studies.core.statement import LEAST_EVENTS, Interval, Statement, in_words, mean_interval
+from studies.differences.kinds import KINDS
 
 MATTERS = 0.01
 """Difference of effort, as a share of the plan, above which it matters: what a driver could notice in a timetable."""
@@ -21,18 +23,7 @@ METRICS = {
     "jerk_rms": "jerk rms [m/s3]",
     "slip_time": "slip [axle s]",
 }
-
-
-def difference_statements(table: pd.DataFrame) -> list[Statement]:
-    """Statements on a table of `studies.differences.study`."""
-    good = table[table["status"] == "ok"]
-    problems, events = good[good["part"] == "problem"], good[good["part"] == "event"]
-    kinds = list(dict.fromkeys(problems["kind"]))
-    return [
-        *(_kind(kind, problems, events) for kind in kinds),
-        _quadratic(problems),
-        _claim_reading(problems, kinds),
-    ]
+BEYOND = f"by {MATTERS:.0%} of the plan"
 
 
 def closed_loop(events: pd.DataFrame, kind: str, metric: str, rule: str) -> Interval:
@@ -44,67 +35,79 @@ def closed_loop(events: pd.DataFrame, kind: str, metric: str, rule: str) -> Inte
     return mean_interval(wide[rule] - wide["exact"])
 
 
-def _kind(kind: str, problems: pd.DataFrame, events: pd.DataFrame) -> Statement:
-    chosen = (problems["kind"] == kind) & (problems["rule"] == "greedy") & problems["within_reach"]
-    rows = problems[chosen]
-    short, over = (rows[name].astype(float) > MATTERS for name in ("short", "over"))
-    said = (
-        f"everywhere: short by {MATTERS:.0%} of the plan in {short.mean():.1%} of the problems, "
-        f"over by it in {over.mean():.1%}"
-    )
-    return decided(
-        f"greedy: {kind}", f"greedy delivers what the exact level does, {kind}",
-        {"": Bound("", short, most=RARE)},
-        {
-            f"share of problems short by {MATTERS:.0%} of the plan": short,
-            f"share of problems over by {MATTERS:.0%} of the plan": over,
-            "shortfall over plan": rows["short"],
-            "largest shortfall over plan": _largest(rows["short"]),
-            "excess over plan": rows["over"],
-            "largest excess over plan": _largest(rows["over"]),
-            "largest distance of limits over plan, mean": rows["apart"],
-            "limit beyond what bounds allow, over plan": rows["beyond"],
-            **{f"closed loop: {text}, greedy less exact": closed_loop(events, kind, name, "greedy")
-               for name, text in METRICS.items()},
+def _greedy(kind: str) -> Claim:
+    only = f"kind == '{kind}' and rule == greedy and within_reach == 1"
+    over = Claim(
+        f"everywhere: over {BEYOND}", mean=f"over > {MATTERS}", side=AT_MOST, value=RARE, only=only,
+        show=in_words("in {:.1f} % of the problems", 100.0), reason="what exceeds the plan is seldom noticed",
+    )  # fmt: skip
+    return Claim(
+        f"greedy: {kind}", f"greedy delivers what the exact level does, {kind}", f"short > {MATTERS}", AT_MOST, RARE,
+        only=only, besides=(over,), reason="a difference that matters is rare",
+        numbers={
+            f"share of problems short {BEYOND}": f"short > {MATTERS}",
+            f"share of problems over {BEYOND}": f"over > {MATTERS}",
+            "shortfall over plan": "short", "excess over plan": "over",
+            "largest distance of limits over plan, mean": "apart", "limit beyond what bounds allow, over plan": "'beyond'",
         },
-        f"problems within reach of all bounds; holds if differences of {MATTERS:.0%} of the plan are rarer than "
+        method=f"problems within reach of all bounds; holds if differences of {MATTERS:.0%} of the plan are rarer than "
         f"{RARE:.0%}, with conditions if greedy only exceeds; Wilson, bootstrap of pairs, 95 %",
-        {said: Bound("", over, most=RARE)},
     )  # fmt: skip
 
 
-def _quadratic(problems: pd.DataFrame) -> Statement:
-    rows = problems[problems["rule"] == "qp"]
-    equal = share_interval(rows["apart"] <= EQUAL)
-    return decided(
-        "qp", "the quadratic program gives the exact level, with all bounds", {"": equal.value == 1.0},
-        {
-            f"share of problems within {EQUAL:g} of the plan": equal,
-            "largest distance of limits over plan": _largest(rows["apart"]),
-        },
-        "holds if it does in every problem; Wilson, 95 %", enough=len(rows) >= LEAST_EVENTS,
-    )  # fmt: skip
+GREEDY = {kind: _greedy(kind) for kind in KINDS}
+QUADRATIC = Claim(
+    "qp", "the quadratic program gives the exact level, with all bounds", f"apart <= {EQUAL}", AT_LEAST, 1.0, exact=True,
+    only="part == problem and rule == qp", reason="the same problem has the same answer",
+    numbers={f"share of problems within {EQUAL:g} of the plan": f"apart <= {EQUAL}"},
+    method="holds if it does in every problem; Wilson, 95 %",
+)  # fmt: skip
 
 
-def _claim_reading(problems: pd.DataFrame, kinds: list[str]) -> Statement:
-    unbounded = problems[problems["kind"].isin(UNBOUNDED) & (problems["case"] == "B")]
-    shares = {
-        (rule, kind): share_interval(rows["unmet"].astype(bool))
-        for rule in ("greedy-claim", "greedy")
-        for kind in kinds
-        if kind in UNBOUNDED
-        for rows in [unbounded[(unbounded["rule"] == rule) & (unbounded["kind"] == kind)]]
-    }
-    claimed = {kind: share for (rule, kind), share in shares.items() if rule == "greedy-claim"}
-    met = {kind: share.value == 0.0 for kind, share in claimed.items() if share.count}
-    enough = sum(share.count for share in claimed.values()) >= LEAST_EVENTS
-    return Statement(
-        "claim 1", "the reading of claim 1 meets the plan in case B",
-        decide(met.values(), partly=any(met.values()), enough=enough),
-        {f"share of case B that it falls short, {rule}, {kind}": share for (rule, kind), share in shares.items()},
-        () if all(met.values()) else with_and_without(met),
-        "sum of the limits below that of the plan though the mean cap exceeds it; holds if it never happens; Wilson, 95 %",
-    )  # fmt: skip
+def _case_b(rule: str, kind: str) -> str:
+    return f"part == problem and kind == '{kind}' and case == B and rule == {rule}"
+
+
+READING = Claim(
+    "claim 1", "the reading of claim 1 meets the plan in case B", some=True,
+    cases=tuple(
+        Claim(f"with {kind}", mean="unmet == 1", side=AT_MOST, only=_case_b("greedy-claim", kind), exact=True,
+              reason="a plan within reach is met")
+        for kind in UNBOUNDED
+    ),
+    method="sum of the limits below that of the plan though the mean cap exceeds it; holds if it never happens; Wilson, "
+    "95 %",
+)  # fmt: skip
+CLAIMS = (*GREEDY.values(), QUADRATIC, READING)
+"""What is claimed, of every kind."""
+
+
+def difference_statements(table: pd.DataFrame) -> list[Statement]:
+    """Statements on a table of `studies.differences.study`, of the kinds that are in it."""
+    good = table[table["status"] == "ok"]
+    problems, events = good[good["part"] == "problem"], good[good["part"] == "event"]
+    kinds = list(dict.fromkeys(problems["kind"]))
+    known = tuple(one for one in READING.cases if len(one.bearing(problems)))
+    enough = sum(len(one.bearing(problems)) for one in known) >= LEAST_EVENTS
+    short = {
+        f"share of case B that it falls short, {rule}, {kind}": f"unmet == 1 if {_case_b(rule, kind)}"
+        for rule in ("greedy-claim", "greedy") for kind in kinds if kind in UNBOUNDED
+    }  # fmt: skip
+    return [
+        *(
+            conjunction(problems, GREEDY[kind], numbers={
+                "largest shortfall over plan": _largest(GREEDY[kind].bearing(problems)["short"]),
+                "largest excess over plan": _largest(GREEDY[kind].bearing(problems)["over"]),
+                **{f"closed loop: {text}, greedy less exact": closed_loop(events, kind, name, "greedy")
+                   for name, text in METRICS.items()},
+            })
+            for kind in kinds
+        ),
+        conjunction(problems, QUADRATIC, numbers={
+            "largest distance of limits over plan": _largest(QUADRATIC.bearing(problems)["apart"]),
+        }),
+        conjunction(problems, replace(READING, cases=known), numbers=short, least_events=1, enough=enough),
+    ]  # fmt: skip
 
 
 def _largest(values: "pd.Series[float]") -> Interval:

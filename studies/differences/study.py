@@ -8,7 +8,7 @@ from studies.core.job import Job
 from studies.core.study import Study
 from studies.differences.answers import RULES, problem_rows
 from studies.differences.kinds import EVENTS, KINDS, event, event_name
-from studies.differences.statements import difference_statements
+from studies.differences.statements import CLAIMS, difference_statements
 
 PROBLEMS_PER_EVENT = 50
 """One closed-loop event of each kind per this number of problems; at least two. Problems are answered in blocks of this
@@ -61,4 +61,5 @@ DIFFERENCES = Study(
     cells=cells,
     finish=labelled,
     judge=difference_statements,
+    claims=CLAIMS,
 )

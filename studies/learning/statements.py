@@ -7,8 +7,7 @@ from itertools import product
 import pandas as pd
 
 from studies.core.claims import ABOUT, AT_LEAST, AT_MOST, Claim, Side, conjunction, family
-from studies.core.statement import INTERVALS_OF_MEANS, Interval, Statement, in_words
-from studies.core.verdict import LEAST_EVENTS
+from studies.core.statement import INTERVALS_OF_MEANS, LEAST_EVENTS, Interval, Statement, in_words
 from studies.learning.arms import EXACT, Reference
 from studies.learning.series import COARSE, PARTS, TOLERANCE, per_series
 from studies.learning.starts import RAILS

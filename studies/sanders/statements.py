@@ -1,9 +1,11 @@
-"""Statements of the sweep `sanders`: the trial's rows, the best placement, and the gain of sharing the brake force."""
+"""Claims of the sweep `sanders`: the trial's rows, the best placement, and the gain of sharing the brake force."""
+
+from dataclasses import replace
 
 import pandas as pd
 
-from studies.core.statement import Interval, Statement, mean_interval
-from studies.core.verdict import LEAST_EVENTS, Bound, decided, over_cases
+from studies.core.claims import ABOUT, Claim, conjunction
+from studies.core.statement import LEAST_EVENTS, Interval, Statement, mean_interval
 from studies.sanders.calibration import FITTED, TOLERANCE
 from studies.sanders.placement import PLACEMENTS, SHARINGS, USUAL
 from studies.sanders.trial import DISTANCES
@@ -15,66 +17,124 @@ SHARING_METHOD = (
     "exact level over the coefficients that the calibrated law gives the cars at the initial speed, on the mean level of "
     "the rail; no car is asked for more than its full brake"
 )
+BEST, BOTH = "the best place with equal sharing", "the best place and sharing"
+"""Columns of `relative`: of the arm with the least mean."""
+PREDICTED = tuple(kind for kind in DISTANCES if kind not in FITTED)
+
+
+def _arm(place: str, sharing: str) -> str:
+    return f"{place}, {sharing}"
+
+
+def _trial(name: str, claim: str, kinds: tuple[str, ...], method: str = "") -> Claim:
+    """That the distances of these rows are the trial's; without sanders the trial has only a bound."""
+    rows = tuple(
+        Claim(kind, mean=f"'{kind}'", reason="without sanders the trial has only a bound", exact=True)
+        if kind == "none" else
+        Claim(kind, mean=f"'{kind}'", side=ABOUT, tolerance=TOLERANCE, exact=True,
+              reason="as near as trials repeat themselves")
+        for kind in kinds
+    )  # fmt: skip
+    numbers = {f"{kind}: over {DISTANCES[kind]:g} m by [%]": f"{kind} [%]" for kind in kinds}
+    return Claim(name, claim, cases=rows, some=True, numbers=numbers, method=method)
+
+
+def _sharing(sharing: str) -> Claim:
+    def gain(place: str) -> str:
+        return f"'{_arm(place, EQUAL)}' - '{_arm(place, sharing)}'"
+
+    return Claim(
+        f"sharing: {sharing}",
+        f"brake force shared {sharing} instead of equally shortens the stop by {COUNTS:.0%} or more", some=True,
+        cases=tuple(
+            Claim(f"with the sand at {place}", mean=gain(place), value=COUNTS, reason="within it days differ")
+            for place in PLACEMENTS
+        ),
+        numbers={
+            **{f"{place}: shorter by, of the distance of {USUAL}": gain(place) for place in PLACEMENTS},
+            **{f"{place}: distance over that of {USUAL}": f"'{_arm(place, sharing)}'" for place in PLACEMENTS},
+            "wheel damage over that of equal sharing": f"'wheel damage, {sharing}'",
+        },
+        method=SHARING_METHOD,
+    )  # fmt: skip
+
+
+TRIAL = {
+    (2, "slip-ratio"): (
+        _trial("fitted", f"the rows of the trial that the law is fitted to come out within {TOLERANCE:.0%}", tuple(FITTED),
+               "sanded coefficient, saturation and decay by least squares, slip measured from the estimated speed"),
+        _trial("predicted", f"the other rows follow: within {TOLERANCE:.0%}, and without sanders beyond 1200 m", PREDICTED),
+    ),
+    **{
+        key: (
+            _trial(f"next door: {name}", f"the same law gives the trial's rows within {TOLERANCE:.0%} here too",
+                   tuple(DISTANCES),
+                   "the trial's report in public does not say which rows are of one unit and which of two"),
+        )
+        for name, key in (("one unit", (1, "slip-ratio")), ("Polach's curve", (2, "polach")))
+    },
+}  # fmt: skip
+"""What is claimed of the trial's rows, by units and curve."""
+PLACEMENT = Claim(
+    "placement", f"with the brake force shared equally, the same sand stops soonest at {BEST}", some=True,
+    cases=tuple(
+        Claim(f"against {place}", mean=f"'{_arm(place, EQUAL)}' - '{BEST}'", reason="the best is ahead of every other")
+        for place in PLACEMENTS
+    ),
+    numbers={f"{place}, distance over that of {USUAL}": f"'{_arm(place, EQUAL)}'" for place in PLACEMENTS},
+    method="mean over events of the ratio of distances; holds if the paired difference from every other placement is above "
+    "0 with 95 %",
+)  # fmt: skip
+TOGETHER = Claim(
+    "together", "placement and sharing chosen together stop sooner", f"'{BEST}' - '{BOTH}'",
+    reason="a choice of both should gain something",
+    method="holds if the paired difference is above 0 with 95 %, does not where equal sharing is best",
+)  # fmt: skip
+CLAIMS = (
+    *(claim for claims in TRIAL.values() for claim in claims), PLACEMENT,
+    *map(_sharing, (RAISED, BY_SAND)), TOGETHER,
+)  # fmt: skip
+"""What is claimed; the best place and sharing are what the table gives."""
 
 
 def sander_statements(table: pd.DataFrame) -> list[Statement]:
     """All statements of the sweep, from rows that succeeded."""
+    events = relative(table)
+    alone, (place, sharing) = _best(events)
+    damage = table[table["part"] == "placement"].pivot_table(
+        index="event", columns="sharing", values="damage", aggfunc="sum"
+    )
+    arms = {_arm(*arm): events[arm] for arm in events}
+    ratios = {f"wheel damage, {how}": damage[how] / damage[EQUAL] for how in SHARINGS}
+    wide = pd.DataFrame(arms | ratios | {BEST: events[alone, EQUAL], BOTH: events[place, sharing]})
+    others = tuple(case for case in PLACEMENT.cases if case.name != f"against {alone}")
+    together = TOGETHER if sharing != EQUAL else replace(TOGETHER, mean="")
     return [
-        _fit(table),
-        _prediction(table),
-        *_next_door(table),
-        _best(table),
-        *(_sharing(table, sharing) for sharing in (RAISED, BY_SAND)),
-        _together(table),
-    ]
+        *(
+            conjunction(_misses(table, *key), claim, least_events=1)
+            for key, claims in TRIAL.items() for claim in claims
+        ),
+        conjunction(wide, replace(PLACEMENT, claim=PLACEMENT.claim.replace(BEST, alone), cases=others)),
+        *(conjunction(wide, claim) for claim in CLAIMS[-3:-1]),
+        conjunction(
+            wide, replace(together, claim=f"{TOGETHER.claim}: {place}, shared {sharing}"), {"": sharing != EQUAL},
+            numbers={
+                f"distance over that of {USUAL} with equal sharing": events[place, sharing],
+                f"{alone} with equal sharing, the best place then": events[alone, EQUAL],
+                f"the same place with equal sharing ({place})": events[place, EQUAL],
+                "shorter than the best with equal sharing by": f"'{BEST}' - '{BOTH}'",
+            },
+            enough=len(wide) >= LEAST_EVENTS,
+        ),
+    ]  # fmt: skip
 
 
-def misses(table: pd.DataFrame, units: int = 2, curve: str = "slip-ratio") -> dict[str, float]:
-    """Distance over the trial's less 1, by row; without sanders the trial has only a bound."""
+def _misses(table: pd.DataFrame, units: int, curve: str) -> pd.DataFrame:
+    """Distance over the trial's less 1, by row of the trial, and the same in per cent."""
     rows = table[(table["part"] == "trial") & (table["units"] == units) & (table["curve"] == curve)]
     found = rows.set_index("kind")["distance"]
-    return {kind: float(found[kind]) / metres - 1.0 for kind, metres in DISTANCES.items()}
-
-
-def _met(kind: str, miss: float) -> bool:
-    return miss > 0.0 if kind == "none" else abs(miss) <= TOLERANCE
-
-
-def _rows(found: dict[str, float]) -> dict[str, float]:
-    return {f"{kind}: over {DISTANCES[kind]:g} m by [%]": 100.0 * miss for kind, miss in found.items()}  # fmt: skip
-
-
-def _fit(table: pd.DataFrame) -> Statement:
-    found = {kind: miss for kind, miss in misses(table).items() if kind in FITTED}
-    return over_cases(
-        "fitted", f"the rows of the trial that the law is fitted to come out within {TOLERANCE:.0%}",
-        {kind: _met(kind, miss) for kind, miss in found.items()}, _rows(found),
-        "sanded coefficient, saturation and decay by least squares, slip measured from the estimated speed",
-    )  # fmt: skip
-
-
-def _prediction(table: pd.DataFrame) -> Statement:
-    found = {kind: miss for kind, miss in misses(table).items() if kind not in FITTED}
-    return over_cases(
-        "predicted", f"the other rows follow: within {TOLERANCE:.0%}, and without sanders beyond 1200 m",
-        {kind: _met(kind, miss) for kind, miss in found.items()}, _rows(found),
-    )  # fmt: skip
-
-
-def _next_door(table: pd.DataFrame) -> list[Statement]:
-    statements = []
-    for name, units, curve in (("one unit", 1, "slip-ratio"), ("Polach's curve", 2, "polach")):
-        found = misses(table, units, curve)
-        statements.append(
-            over_cases(
-                f"next door: {name}",
-                f"the same law gives the trial's rows within {TOLERANCE:.0%} here too",
-                {kind: _met(kind, miss) for kind, miss in found.items()},
-                _rows(found),
-                "the trial's report in public does not say which rows are of one unit and which of two",
-            )
-        )
-    return statements
+    misses = {kind: float(found[kind]) / metres - 1.0 for kind, metres in DISTANCES.items()}
+    return pd.DataFrame([misses | {f"{kind} [%]": 100.0 * miss for kind, miss in misses.items()}])
 
 
 def relative(table: pd.DataFrame) -> pd.DataFrame:
@@ -91,59 +151,7 @@ def arms(table: pd.DataFrame) -> dict[tuple[str, str], Interval]:
             for place in PLACEMENTS for sharing in SHARINGS}  # fmt: skip
 
 
-def _best(table: pd.DataFrame) -> Statement:
-    found = {place: interval for (place, how), interval in arms(table).items() if how == EQUAL}
-    best = min(found, key=lambda place: found[place].value)
-    wide = relative(table)
-    ahead = {place: wide[(place, EQUAL)] - wide[(best, EQUAL)] for place in PLACEMENTS if place != best}  # fmt: skip
-    return over_cases(
-        "placement", f"with the brake force shared equally, the same sand stops soonest at {best}",
-        {f"against {place}": Bound("", longer, least=0.0) for place, longer in ahead.items()},
-        {f"{place}, distance over that of {USUAL}": interval for place, interval in found.items()},
-        "mean over events of the ratio of distances; holds if the paired difference from every other placement is above 0 "
-        "with 95 %",
-    )  # fmt: skip
-
-
-def _together(table: pd.DataFrame) -> Statement:
-    """Whether the best place depends on how the brake force is shared."""
-    wide, found = relative(table), arms(table)
-    alone = min(PLACEMENTS, key=lambda place: found[(place, EQUAL)].value)
-    place, sharing = min(found, key=lambda arm: found[arm].value)
-    gain = wide[(alone, EQUAL)] - wide[(place, sharing)]
-    return decided(
-        "together", f"placement and sharing chosen together stop sooner: {place}, shared {sharing}",
-        {"": sharing != EQUAL and Bound("", gain, least=0.0)},
-        {
-            f"distance over that of {USUAL} with equal sharing": found[(place, sharing)],
-            f"{alone} with equal sharing, the best place then": found[(alone, EQUAL)],
-            f"the same place with equal sharing ({place})": found[(place, EQUAL)],
-            "shorter than the best with equal sharing by": gain,
-        },
-        "holds if the paired difference is above 0 with 95 %, does not where equal sharing is best",
-        enough=len(wide) >= LEAST_EVENTS,
-    )  # fmt: skip
-
-
-def _sharing(table: pd.DataFrame, sharing: str) -> Statement:
-    wide, found = relative(table), arms(table)
-    gain = {place: wide[(place, EQUAL)] - wide[(place, sharing)] for place in PLACEMENTS}
-    damage = _ratio(table, "damage", sharing)
-    return over_cases(
-        f"sharing: {sharing}",
-        f"brake force shared {sharing} instead of equally shortens the stop by {COUNTS:.0%} or more",
-        {f"with the sand at {place}": Bound("", shorter, least=COUNTS) for place, shorter in gain.items()},
-        {
-            **{f"{place}: shorter by, of the distance of {USUAL}": value for place, value in gain.items()},
-            **{f"{place}: distance over that of {USUAL}": found[(place, sharing)] for place in PLACEMENTS},
-            "wheel damage over that of equal sharing": damage,
-        },
-        SHARING_METHOD,
-    )  # fmt: skip
-
-
-def _ratio(table: pd.DataFrame, number: str, sharing: str) -> Interval:
-    """Mean over events of a number's sum over placements, over that of equal sharing."""
-    rows = table[table["part"] == "placement"]
-    total = rows.pivot_table(index="event", columns="sharing", values=number, aggfunc="sum")
-    return mean_interval(total[sharing] / total[EQUAL])
+def _best(events: pd.DataFrame) -> tuple[str, tuple[str, str]]:
+    """The place with the least mean where sharing is equal, and the place and sharing with the least of all."""
+    mean = {(place, how): events[place, how].mean() for place in PLACEMENTS for how in SHARINGS}
+    return min(PLACEMENTS, key=lambda place: mean[place, EQUAL]), min(mean, key=lambda arm: mean[arm])  # fmt: skip

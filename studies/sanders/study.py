@@ -15,7 +15,7 @@ from studies.sanders.placement import (
     SHARINGS,
     place_row,
 )
-from studies.sanders.statements import sander_statements
+from studies.sanders.statements import CLAIMS, sander_statements
 from studies.sanders.trial import DISTANCES, SOURCE, SOURCES, Source, stop
 
 TRIALS = ((2, "slip-ratio"), (1, "slip-ratio"), (2, "polach"))
@@ -72,4 +72,5 @@ SANDERS = Study(
     default_events=10,
     cells=cells,
     judge=lambda table: sander_statements(table[table["status"] == "ok"]),
+    claims=CLAIMS,
 )

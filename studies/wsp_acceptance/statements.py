@@ -1,13 +1,13 @@
-"""Statements of the sweep `wsp-acceptance`: aims set beforehand, each over the stops that bear on it."""
+"""Claims of the sweep `wsp-acceptance`: aims set beforehand, each over the stops that bear on it."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import pandas as pd
 
+from studies.core.claims import AT_LEAST, Claim, conjunction, quantity
 from studies.core.statement import Interval, Statement
-from studies.core.verdict import decided
 from studies.wsp_acceptance.stop_cases import BELIEF, DRAWN, LEVELS, UNIFORM, discs
 
 POINTS = 0.025
@@ -36,109 +36,98 @@ BEFORE: Mapping[tuple[str, float], Before] = {
     ("slip-ratio", 0.12): Before(0.9041, 2434.2),
 }
 """Curve and level -> stop from 100 km/h with the fastest axle of each car, falling by 1.35 m/s2 at most, as reference."""
-THREE = discs(3).name
+SHORT = "true_speed_adhesion_used - adhesion_used"
+"""By how much the adhesion used falls short of that with the true speed."""
+NO_LOCK, NEAR = "locked_axle_s == 0", f"{SHORT} <= {POINTS}"
+USUAL = f"part != '{BELIEF}'"
+LEVEL_RAIL = f"part == '{UNIFORM}' and grade_permille == 0"
+THREE = f"{LEVEL_RAIL} and train == '{discs(3).name}' and |speed_kmh - 100| < 0.0005"
+(BREAK, ABOVE), (_, BELOW) = LEAST_USED.items()
+MOST_LOCKED = ("locked axle s, most", "largest of locked_axle_s")
 
-Met = Callable[[pd.DataFrame], "pd.Series[bool]"]
-"""Which of the stops meet a claim."""
+
+def _aim(
+    name: str, claim: str, met: str, reason: str, only: str = "", numbers: Mapping[str, str] | None = None
+) -> Claim:  # fmt: skip
+    """That every stop that bears on it meets a condition."""
+    return Claim(
+        name, claim, met, AT_LEAST, 1.0, only=only, exact=True, reason=reason, numbers=numbers or {},
+        method="every stop counts, and all must meet it; limits are ranges, not confidence",
+    )  # fmt: skip
+
+
+CLAIMS = (
+    _aim("no lock", "no wheel locks above 5 km/h, on any curve and level", NO_LOCK, "a locked wheel is flattened", USUAL,
+         dict([MOST_LOCKED, ("longest lock [s]", "largest of longest_lock_s")])),
+    _aim("stands", "every train stands, where the rail stops it", "stopped == 1", "a brake stops the train", USUAL,
+         {"distance over that of a perfect stop, most": "largest of over_perfect"}),
+    _aim("estimate", "adhesion used is within 2.5 points of that with the true speed", NEAR,
+         "the reference speed costs little", f"{USUAL} and true_speed_adhesion_used >= 0"),
+    # above the highest level, filling the cylinders is what costs
+    _aim("used", "at least 0.85 of the adhesion is used from 0.03 to 0.08, and 0.82 below",
+         f"stopped == 1 and adhesion >= {BREAK} and adhesion_used >= {ABOVE} or "
+         f"stopped == 1 and adhesion < {BREAK} and adhesion_used >= {BELOW}",
+         "aim of this project", f"{LEVEL_RAIL} and adhesion <= {LEVELS[-1]}"),
+    _aim("damage", "Q is at most 5 MJ for three cars from 100 km/h", f"damage_kj <= {MOST_DAMAGE}", "aim of this project",
+         THREE),
+    _aim("belief", "no wheel locks with shoe friction wrong by 15 % and an unknown gradient of 30 per mille, at once",
+         NO_LOCK, "a locked wheel is flattened", f"part == '{BELIEF}'", dict([MOST_LOCKED])),
+    _aim("before", "at 0.08 and above it is no worse than with the reference before",
+         f"adhesion_used >= used_before - {ROUNDING} and damage_kj / damage_before <= {1.0 + ROUNDING}",
+         "low adhesion is not paid for elsewhere", f"{THREE} and used_before >= 0"),
+    _aim("drawn", "drawn stops lock no wheel and stay within 2.5 points of the true speed", f"{NO_LOCK} and {NEAR}",
+         "the same aims on rails drawn at random", f"part == '{DRAWN}'"),
+)  # fmt: skip
 
 
 def acceptance_statements(table: pd.DataFrame) -> list[Statement]:
     """All statements, on the rows that succeeded."""
-    plain, belief = table[table["part"] != BELIEF], table[table["part"] == BELIEF]
-    compared = plain[plain["true_speed_adhesion_used"].notna()] if len(plain) else plain
-    uniform = plain[(plain["part"] == UNIFORM) & (plain["grade_permille"] == 0.0)]
-    low = uniform[uniform["adhesion"] <= LEVELS[-1]]  # above, filling the cylinders is what costs
-    three = uniform[(uniform["train"] == THREE) & (uniform["speed_kmh"].round(3) == 100.0)]
-    before = three[[key in BEFORE for key in zip(three["curve"], three["adhesion"], strict=True)]]
-    return [
-        _over(
-            "no lock", "no wheel locks above 5 km/h, on any curve and level", plain, _no_lock,
-            {"locked axle s, most": _most(plain, "locked_axle_s"), "longest lock [s]": _most(plain, "longest_lock_s")},
-        ),
-        _over(
-            "stands", "every train stands, where the rail stops it", plain, lambda rows: rows["stopped"].astype(bool),
-            {"distance over that of a perfect stop, most": _most(plain, "over_perfect")},
-        ),
-        _over(
-            "estimate", "adhesion used is within 2.5 points of that with the true speed", compared,
-            lambda rows: _short(rows) <= POINTS,
-            {"short of the true speed [points]: mean, least and most": _range(100.0 * _short(compared))},
-        ),
-        _over(
-            "used", "at least 0.85 of the adhesion is used from 0.03 to 0.08, and 0.82 below", low, _enough,
-            {f"used at {level:g}: mean, least and most": _range(low["adhesion_used"][low["adhesion"] == level])
-             for level in sorted(set(low["adhesion"]))},
-        ),
-        _over(
-            "damage", "Q is at most 5 MJ for three cars from 100 km/h", three,
-            lambda rows: rows["damage_kj"] <= MOST_DAMAGE, {"Q [kJ]: mean, least and most": _range(three["damage_kj"])},
-        ),
-        _over(
-            "belief", "no wheel locks with shoe friction wrong by 15 % and an unknown gradient of 30 per mille, at once",
-            belief, _no_lock, {"locked axle s, most": _most(belief, "locked_axle_s")},
-        ),
-        _over(
-            "before", "at 0.08 and above it is no worse than with the reference before", before, _no_worse,
-            {f"{name} before, {curve} {level:g}": value for (curve, level), old in BEFORE.items()
-             if len(before) for name, value in (("used", old.used), ("Q [kJ]", old.damage))},
-        ),
-        _over(
-            "drawn", "drawn stops lock no wheel and stay within 2.5 points of the true speed", table[table["part"] == DRAWN],
-            lambda rows: _no_lock(rows) & (_short(rows) <= POINTS), {},
-        ),
-    ]  # fmt: skip
+    keys = list(zip(table["curve"], table["adhesion"], strict=True))
+    before = [BEFORE.get(key, Before(math.nan, math.nan)) for key in keys]
+    stops = table.assign(
+        used_before=[one.used for one in before], damage_before=[one.damage for one in before]
+    )
+    return [_over(claim, stops) for claim in CLAIMS]
 
 
-def _over(
-    name: str, claim: str, rows: pd.DataFrame, met: Met, numbers: Mapping[str, Interval | float]
-) -> Statement:
+def _over(claim: Claim, stops: pd.DataFrame) -> Statement:
     """A claim over stops that count alike; the stops that do not meet it are told by part, train and curve."""
-    good = met(rows).astype(bool) if len(rows) else pd.Series(dtype=bool)
-    share = Interval(float(good.mean()), math.nan, math.nan, len(good))
+    rows = claim.bearing(stops)
+    good = claim.values(stops).astype(bool)
     broken = rows[~good]
     groups = broken.groupby(["part", "train", "curve"], sort=False) if len(broken) else ()
     words = {
         f"with {part}, {train}, {curve}: {_levels(own)}": False
         for (part, train, curve), own in groups
     }
-    return decided(
-        name, claim, {**words, "": True} if len(rows) else {}, {"stops that meet it": share, **numbers},
-        "every stop counts, and all must meet it; limits are ranges, not confidence", enough=len(rows) > 0,
-    )  # fmt: skip
+    share = Interval(float(good.mean()), math.nan, math.nan, len(good))
+    numbers = {"stops that meet it": share} | _ranges(claim.name, rows)
+    return conjunction(rows, claim, words, numbers=numbers, least_events=1)
+
+
+def _ranges(name: str, rows: pd.DataFrame) -> dict[str, Interval | float]:
+    """Numbers of a claim with their range over the stops."""
+    if name == "estimate":
+        return {
+            "short of the true speed [points]: mean, least and most": _range(
+                100.0 * quantity(rows, SHORT)
+            )
+        }
+    if name == "damage":
+        return {"Q [kJ]: mean, least and most": _range(rows["damage_kj"])}
+    if name == "used":
+        return {f"used at {level:g}: mean, least and most": _range(rows["adhesion_used"][rows["adhesion"] == level])
+                for level in sorted(set(rows["adhesion"]))}  # fmt: skip
+    if name == "before" and len(rows):
+        return {f"{word} before, {curve} {level:g}": value for (curve, level), old in BEFORE.items()
+                for word, value in (("used", old.used), ("Q [kJ]", old.damage))}  # fmt: skip
+    return {}
 
 
 def _levels(rows: pd.DataFrame) -> str:
     """Levels at which a claim is not met, each with how often where it is more than once."""
     counts = rows["adhesion"].round(3).value_counts(sort=False).sort_index()
     return ", ".join(f"{level:g}" + (f" ({n})" if n > 1 else "") for level, n in counts.items())
-
-
-def _no_lock(rows: pd.DataFrame) -> "pd.Series[bool]":
-    return rows["locked_axle_s"] == 0.0
-
-
-def _short(rows: pd.DataFrame) -> "pd.Series[float]":
-    """By how much the adhesion used falls short of that with the true speed."""
-    return rows["true_speed_adhesion_used"] - rows["adhesion_used"]
-
-
-def _enough(rows: pd.DataFrame) -> "pd.Series[bool]":
-    least = rows["adhesion"].map(
-        lambda level: next(share for start, share in LEAST_USED.items() if level >= start)
-    )
-    return rows["stopped"].astype(bool) & (rows["adhesion_used"] >= least)
-
-
-def _no_worse(rows: pd.DataFrame) -> "pd.Series[bool]":
-    keys = zip(rows["curve"], rows["adhesion"], strict=True)
-    old = pd.DataFrame([BEFORE[key] for key in keys], index=rows.index)
-    return (rows["adhesion_used"] >= old["used"] - ROUNDING) & (
-        rows["damage_kj"] <= old["damage"] * (1.0 + ROUNDING)
-    )
-
-
-def _most(rows: pd.DataFrame, column: str) -> float:
-    return float(rows[column].max())
 
 
 def _range(values: "pd.Series[float]") -> Interval:

@@ -8,7 +8,7 @@ from studies.core.cell import Task
 from studies.core.study import Study
 from studies.files.study_error import StudyError
 from studies.wsp_acceptance.measures import measured, stopped_run
-from studies.wsp_acceptance.statements import acceptance_statements
+from studies.wsp_acceptance.statements import CLAIMS, acceptance_statements
 from studies.wsp_acceptance.stop_cases import (
     LAWS,
     StopCase,
@@ -65,6 +65,7 @@ WSP_ACCEPTANCE = Study(
     default_events=12,
     cells=cells,
     judge=lambda table: acceptance_statements(table[table["status"] == "ok"]),
+    claims=CLAIMS,
     shown={
         "part": "part", "train": "train", "event": "event",
         "adhesion_used": "used", "true_speed_adhesion_used": "with true speed",

@@ -18,13 +18,13 @@ from studies.core.statement import (
     CONDITIONS,
     FAILS,
     HOLDS,
+    LEAST_EVENTS,
     TOO_FEW,
     UNDECIDED,
     VERDICTS,
     mean_interval,
     share_interval,
 )
-from studies.core.verdict import LEAST_EVENTS
 from tests.studies.sweep_tables import claim_table
 
 

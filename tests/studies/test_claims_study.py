@@ -18,8 +18,7 @@ from studies.core.arms import COMPARED
 from studies.core.collection import all_studies, find_study, study_folder
 from studies.core.job import Job, simulate_job
 from studies.core.shard import ALL
-from studies.core.statement import VERDICTS, Interval, Statement
-from studies.core.verdict import LEAST_EVENTS
+from studies.core.statement import LEAST_EVENTS, VERDICTS, Interval, Statement
 from studies.files.study_error import StudyError
 
 SHORT = 3.0

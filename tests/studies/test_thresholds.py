@@ -47,7 +47,7 @@ def test_the_record_is_what_it_was():
 
 DECIDES = {
     "name": "y", "mean": "damage@b", "side": "at least", "value": 5.1, "tolerance": 0.1, "only": "x == 1",
-    "parts": {"a": "x == 1"}, "cases": (ROW,), "some": True, "besides": (ROW,), "exact": True,
+    "parts": {"a": "x == 1"}, "cases": (ROW,), "each": "x", "some": True, "alike": True, "besides": (ROW,), "exact": True,
 }  # fmt: skip
 
 
