@@ -41,8 +41,8 @@ from studies.core.drawn_events import complete
 from studies.core.statement import mean_interval
 from studies.curves.statements import CURVES, PAIRS, paired_difference
 from studies.ladder.statements import LADDER, LOCOMOTIVE, YARDSTICKS
-from studies.mismatch.rails import RAILS
-from studies.mismatch.settings import (
+from studies.mismatch.events import RAILS
+from studies.mismatch.events import (
     DELAYED,
     GIVEN,
     MIDDLE,

@@ -25,7 +25,7 @@ from paper_figs.drawn_data import rows_of
 from paper_figs.saving import MOVING, Legend, Origin, data_of, save_figure, save_image
 from paper_figs.style import DARK, NOTE, STYLE_FILE, remarks
 from studies.comparison.defaults import DEFAULT_SEEDS, KEPT_RUNS, default_grid, default_rules
-from studies.core.arms import COMPARED
+from studies.core.drawn_events import COMPARED
 from studies.core.cell import OnRow, key_of
 from studies.core.collection import find_study, study_folder
 from studies.core.gallery import Asked, Saved

@@ -31,7 +31,7 @@ from paper_figs.style import (
     new_panels,
 )
 from studies.claims.statements import ARMS, claim_statements, statement_name
-from studies.core.arms import COMPARED
+from studies.core.drawn_events import COMPARED
 from studies.core.drawn_events import complete
 from studies.core.statement import (
     CONDITIONS,

@@ -49,7 +49,7 @@ from studies.blended.statements import (
     less,
     pairs_of,
 )
-from studies.core.arms import Arm
+from studies.core.drawn_events import Arm
 from studies.core.claims import quantity
 from studies.core.statement import column_interval, mean_interval
 from studies.sanders.placement import PLACEMENTS, SHARINGS, USUAL

@@ -8,8 +8,29 @@ import numpy as np
 from alloc.plant.laws import GRAVITY
 from alloc.plant.model import structure_of
 from alloc.plant.train import Train
-from studies.core.drawn_events import DrawnEvents, Quantity, log_uniform, sometimes, uniform
-from studies.core.drawn_rails import SHAPE_QUANTITIES, curve_of, drawn_curve, rail_offering
+from studies.core.drawn_events import (
+    DrawnEvents,
+    Quantity,
+    in_turn,
+    log_uniform,
+    sometimes,
+    uniform,
+)
+from studies.core.drawn_scenarios import (
+    CONDITIONING,
+    LOAD_ERROR,
+    SCATTER_SHARE,
+    SHAPE_QUANTITIES,
+    SPEED_NOISE,
+    curve_of,
+    drawn_curve,
+    drawn_drop,
+    drawn_patch,
+    drawn_scenario,
+    graded,
+    rail_offering,
+    uneven,
+)
 from studies.files.units import stated
 from studies.lines.named_files import TRAINS as TRAIN_FILES
 from studies.scenario.loading import shipped_scenario
@@ -64,14 +85,12 @@ CURVES = (
 """Every kind of curve that ships. Its number and that of the trains have no common divisor: in turn, all pairs occur."""
 
 QUANTITIES: dict[str, Quantity] = {
-    "train": Quantity(
-        "each of six in its turn",
+    "train": in_turn(
+        list(TRAINS), "each of six in its turn",
         "all motors or few of them, trailers with and without sensors, a unit of four axles, two, one",
-        lambda _, d: list(TRAINS)[d["number"] % len(TRAINS)],
     ),
-    "curve": Quantity(
-        "each of seven in its turn", "every kind that ships; the train believes in the piecewise one",
-        lambda _, d: CURVES[d["number"] % len(CURVES)],
+    "curve": in_turn(
+        CURVES, "each of seven in its turn", "every kind that ships; the train believes in the piecewise one"
     ),
     **SHAPE_QUANTITIES,
     # air brakes slide wheels by metres per second, where the rational curve falls to nothing unless it is wide and steep
@@ -97,12 +116,8 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "patch_start_m": uniform(0.0, 150.0, " m after the command", "met during the stop"),
     "patch_length_m": uniform(20.0, 150.0, " m", "a car to a train"),
-    "scatter_share": sometimes(
-        0.5, 0.01, 0.06, " of the coefficient, correlated over 20 m", 0.0, "as the events with headroom"
-    ),
-    "conditioning": sometimes(
-        0.4, 0.05, 0.3, " of the coefficient, where wheels ahead slid much", 0.0, "as the events with headroom"
-    ),
+    "scatter_share": SCATTER_SHARE,
+    "conditioning": CONDITIONING,
     "grade_permille": sometimes(0.5, -20.0, 20.0, " per mille", 0.0, "up or down; met before the brakes"),
     "receptivity": sometimes(
         0.4, 0.3, 0.9, " of the electric brake is taken up, on the mean", 1.0, "the scenario wet-stop: 0.5"
@@ -115,7 +130,7 @@ QUANTITIES: dict[str, Quantity] = {
         "threshold or fuzzy", "both laws of slide protection that ship",
         lambda g, _: ("threshold", "fuzzy")[int(g.integers(2))],
     ),
-    "speed_noise_kmh": uniform(0.0, 0.04, " km/h", "as the ladder"),
+    "speed_noise_kmh": SPEED_NOISE,
     "speed_quantum_kmh": sometimes(
         0.5, 0.005, 0.05, " km/h", 0.0, "pulses timed over a period; the scenario noisy-sensors: 0.02"
     ),
@@ -124,7 +139,7 @@ QUANTITIES: dict[str, Quantity] = {
         "diameters of 0.86 m entered to a millimetre, to wheels that wore by 4 mm since",
         lambda g, _: float(0.0005 * 10.0 ** g.uniform()) if g.random() < 0.5 else 0.0,
     ),
-    "load_error": uniform(0.0, 0.05, "", "pressure of air springs"),
+    "load_error": LOAD_ERROR,
     "mass_factor": uniform(0.97, 1.03, " of the empty mass", "what a works scale leaves"),
     "resistance_factor": uniform(0.8, 1.2, " of the running resistance", "wind, and formulas that fit a class"),
     "coupler_factor": uniform(0.9, 1.1, " of the couplers' stiffness", "rubber ages"),
@@ -181,40 +196,32 @@ def scenario(seed: int, k: int, source: str = SOURCES[0], duration: float = DURA
     d = EVENTS.draw(seed, k)
     kind, train, rail = TRAINS[d["train"]], train_of(d["train"]), rail_of(seed, k)
     asked, speed = asked_of(d), d["end_kmh"] or between(kind.speed, d["speed"])
-    return _base().changed(
-        name=event_name(seed, k, source),
-        title=f"drawn stop {k}: {d['train']}, {d['curve']}",
+    patches = drawn_drop(d, 0.3, ROLLING), drawn_patch(d, speed / 3.6 * ROLLING)
+    return drawn_scenario(
+        _base(), event_name(seed, k, source), f"drawn stop {k}: {d['train']}, {d['curve']}", duration,
+        rail
+        | {
+            "increments": _increments(d["growth"] * rail["level"], train.axle_count),
+            "conditioning": d["conditioning"],
+        }
+        | uneven(d["scatter_share"] * rail["level"], *patches),
+        d,
+        {
+            "sensors": {name: d[name] for name in ("speed_quantum_kmh", "radius_error")},
+            "braking": {"slide_protection": {"law": d["law"]}},
+            "reference": {"source": source},
+        },
         train=kind.train,
         load_t=tuple(stated("_t", d["load"] * most) for most in kind.loads),
-        duration_s=duration,
         initial_speed_kmh=speed,
         command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * asked}],
         failures=_failures(d, train),
-        rail=rail
-        | {
-            "increments": _increments(d["growth"] * rail["level"], train.axle_count),
-            "scatter": d["scatter_share"] * rail["level"],
-            "scatter_length_m": 20.0,
-            "conditioning": d["conditioning"],
-            "patches": _patches(d, speed / 3.6 * ROLLING),
-        },
-        line={"sections": [{"start_m": -1e4, "grade_permille": stated("_permille", d["grade_permille"])}]},
+        line=graded(d, -1e4),
         receptivity={"mean": d["receptivity"], "amplitude": 0.6 * (1.0 - d["receptivity"]), "period_s": 7.0},
         belief={
             "curve": {"kind": "piecewise"},
             "increments": _increments(asked / GRAVITY, train.axle_count),
             **{name: d[name] for name in ("mass_factor", "resistance_factor", "coupler_factor")},
-        },
-        onboard={
-            "sensors": {
-                "speed_noise_kmh": stated("_kmh", d["speed_noise_kmh"]),
-                "speed_quantum_kmh": d["speed_quantum_kmh"],
-                "radius_error": d["radius_error"],
-                "load_error": d["load_error"],
-            },
-            "telegrams": {"jitter_s": 0.03, "loss": stated("", d["telegram_loss"])},
-            "braking": {"slide_protection": {"law": d["law"]}},
-            "reference": {"source": source},
         },
         **kind.changes,
     )  # fmt: skip
@@ -233,18 +240,3 @@ def _failures(d: dict[str, Any], train: Train) -> list[dict[str, Any]]:
     place, time = d["failed"]
     units = int(structure_of(train)[0].axle_unit.max()) + 1
     return [{"unit": 1 + int(place * units), "time_s": ROLLING + time}]
-
-
-def _patches(d: dict[str, Any], braking_point: float) -> list[dict[str, float]]:
-    patches = []
-    if d["drop_factor"] < 1.0:
-        begin = ROLLING + d["drop_begin_s"]
-        patches.append(
-            {"factor": d["drop_factor"], "begin_s": begin, "until_s": begin + d["drop_length_s"], "fade_s": 0.3}
-        )  # fmt: skip
-    if d["patch_factor"] != 1.0:
-        start = braking_point + d["patch_start_m"]
-        patches.append(
-            {"factor": d["patch_factor"], "start_m": start, "end_m": start + d["patch_length_m"], "edge_m": 4.0}
-        )  # fmt: skip
-    return patches

@@ -6,9 +6,8 @@ from itertools import product
 import pandas as pd
 
 from studies.blended.events import HAULED, SOURCES
-from studies.core.arms import Arm
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, conjunction, family, how_many
-from studies.core.drawn_events import paired
+from studies.core.drawn_events import Arm, paired
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement, in_words
 
 RULES = ("alone", "cooperative", "exact")

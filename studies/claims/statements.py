@@ -9,11 +9,10 @@ from itertools import pairwise
 
 import pandas as pd
 
+from studies.claims.events import BELIEVED_SLOPE, QUANTITIES
 from studies.claims.measures import EXCESS_EDGES, RANGES, excess_column
-from studies.claims.quantities import BELIEVED_SLOPE, QUANTITIES
-from studies.core.arms import COMPARED, Arm
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, family
-from studies.core.drawn_events import paired
+from studies.core.drawn_events import COMPARED, Arm, paired
 from studies.core.statement import INTERVALS_OF_MEANS, Statement, in_words
 
 LAYERS = ("greedy-literal", "greedy-tuned", "greedy", "cooperative")

@@ -1,12 +1,10 @@
 """The claims of JP5484215 put to the test by Monte Carlo: random events, every rule meets each of them."""
 
-from studies.claims.events import DURATION, scenario
+from studies.claims.events import DURATION, EVENTS, scenario
 from studies.claims.measures import measure
-from studies.claims.quantities import EVENTS
 from studies.claims.statements import CLAIMS as CLAIMED
 from studies.claims.statements import LAYERS, claim_statements
-from studies.core.arms import COMPARED
-from studies.core.drawn_events import complete
+from studies.core.drawn_events import COMPARED, complete
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 

@@ -2,8 +2,13 @@
 
 from typing import NamedTuple
 
-from studies.core.drawn_events import DrawnEvents, Quantity, uniform
-from studies.core.drawn_rails import SHAPE_QUANTITIES, drawn_curve, rail_offering
+from studies.core.drawn_events import DrawnEvents, Quantity, in_turn, uniform
+from studies.core.drawn_scenarios import (
+    SHAPE_QUANTITIES,
+    drawn_curve,
+    drawn_scenario,
+    rail_offering,
+)
 from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
@@ -34,9 +39,7 @@ SHAPES = ("piecewise", "polach-dry", "polach-wet", "slip-ratio", "rational")
 
 
 QUANTITIES: dict[str, Quantity] = {
-    "curve": Quantity(
-        "each of five in its turn", "peaks and flanks of all shapes", lambda _, d: SHAPES[d["number"] % len(SHAPES)]
-    ),
+    "curve": in_turn(SHAPES, "each of five in its turn", "peaks and flanks of all shapes"),
     "train": Quantity(
         "one inverter per car for fourteen of sixteen groups of five, else the others in their turn",
         "two inertias of a wheelset over the axle load, one or four axles per torque",
@@ -60,16 +63,8 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         drawn_curve(d["curve"], d), d["share"] * start.planned, d["speed_kmh"] / 3.6,
         base.event().model.train,
     )  # fmt: skip
-    return base.changed(
-        name=EVENTS.event_name(seed, k),
-        title=f"constant rail {k}",
-        case=None,
-        variation=None,
-        duration_s=duration,
-        target_speed_kmh=None,
-        initial_speed_kmh=d["speed_kmh"],
-        inverter_group=INVERTERS.get(d["train"]),
-        load_t=(d["load"] * start.most_load,) * start.cars,
-        rail=rail | {"increments": {"law": "none"}},
-        belief={"curve": {"kind": "piecewise"}},
+    return drawn_scenario(
+        base, EVENTS.event_name(seed, k), f"constant rail {k}", duration, rail | {"increments": {"law": "none"}},
+        target_speed_kmh=None, initial_speed_kmh=d["speed_kmh"], inverter_group=INVERTERS.get(d["train"]),
+        load_t=(d["load"] * start.most_load,) * start.cars, belief={"curve": {"kind": "piecewise"}},
     )  # fmt: skip

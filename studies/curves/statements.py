@@ -4,9 +4,8 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from studies.core.arms import Arm
 from studies.core.claims import Claim, conjunction, quantity
-from studies.core.drawn_events import paired
+from studies.core.drawn_events import Arm, paired
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 
 CURVES: dict[str, dict[str, Any]] = {

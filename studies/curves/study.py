@@ -4,11 +4,10 @@ from typing import Any
 
 import pandas as pd
 
-from studies.claims.events import DURATION, REFERENCE_SPEED
+from studies.claims.events import DURATION, draw, event_name
 from studies.claims.events import scenario as claim_event
 from studies.claims.measures import measure
-from studies.claims.quantities import draw, event_name
-from studies.core.drawn_rails import rail_offering
+from studies.core.drawn_scenarios import START_SPEED, rail_offering
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 from studies.curves.statements import CLAIMS, CURVES, RULES, curve_statements
@@ -32,7 +31,7 @@ def scenario(seed: int, k: int, curve: str, duration: float = DURATION) -> Scena
         adhesion = draw(seed, k)["level"]
         key = "level" if rail["law_factor"] is None else "law_factor"
         train = base.event(0).model.train
-        offering = rail_offering(CURVES[curve], adhesion, REFERENCE_SPEED, train)
+        offering = rail_offering(CURVES[curve], adhesion, START_SPEED, train)
         rail[key] *= offering["level"] / adhesion
     belief = base.belief.model_dump() | {"curve": {"kind": "piecewise"}}
     return base.changed(name=name_of(seed, k, curve), rail=rail, belief=belief)

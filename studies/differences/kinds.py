@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from alloc.plant.rail import logarithmic_increments
 from alloc.rules import AllocationProblem
+from studies.core.drawn_scenarios import drawn_scenario
 from studies.files.units import stated
 from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
@@ -16,6 +17,8 @@ EXPECTED = 0.16
 """Planned coefficient: 3.0 km/h/s of the eight-car commuter train."""
 SIGMA = 0.012
 """Scatter of coefficients in JP5484215, here the error of what was learnt for a unit."""
+DURATION = 12.0
+"""Length of an event [s]."""
 HEAVIEST = 1.4
 """Full over empty motor car: 44 t over 32 t."""
 
@@ -107,6 +110,4 @@ def event(seed: int, kind: str, k: int) -> Scenario:
     base = shipped_scenario("wet-start")
     level = float(generator.uniform(0.128, 0.148))
     rail = base.rail.model_dump() | {"level": level, "scatter": 0.003}
-    name = event_name(seed, kind, k)
-    common = {"duration_s": 12.0, "case": None, "variation": None, "rail": rail, "name": name}
-    return base.changed(**(common | own))
+    return drawn_scenario(base, event_name(seed, kind, k), base.title, DURATION, rail, **own)

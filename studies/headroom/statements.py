@@ -4,11 +4,10 @@ from collections.abc import Iterable, Mapping
 
 import pandas as pd
 
-from studies.core.arms import COMPARED
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, family, quantity
-from studies.core.drawn_events import paired
+from studies.core.drawn_events import COMPARED, paired
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement, in_words
-from studies.headroom.what_makes_room import TRAINS
+from studies.headroom.events import TRAINS
 
 BASE, BOUND = "alone", "oracle"
 """What gains count from, and the rule under which an event's headroom is read: the train then is where it could be."""

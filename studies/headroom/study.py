@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 
-from studies.core.arms import COMPARED
 from studies.core.controllers import check_controller, is_hosted
-from studies.core.drawn_events import complete
+from studies.core.drawn_events import COMPARED, complete
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
-from studies.headroom.events import DURATION, scenario
+from studies.headroom.events import DURATION, EVENTS, scenario
 from studies.headroom.measures import measure
 from studies.headroom.statements import NEEDED, RULES, headroom_claims, headroom_statements
-from studies.headroom.what_makes_room import EVENTS
 
 
 def cells(

@@ -2,9 +2,8 @@
 
 import pandas as pd
 
-from studies.core.arms import Arm
 from studies.core.claims import AT_LEAST, Claim, conjunction
-from studies.core.drawn_events import paired
+from studies.core.drawn_events import Arm, paired
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 from studies.curves.statements import METRICS
 

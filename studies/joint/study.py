@@ -2,9 +2,8 @@
 
 import pandas as pd
 
-from studies.claims.events import DURATION, scenario
+from studies.claims.events import DURATION, event_name, scenario
 from studies.claims.measures import measure
-from studies.claims.quantities import event_name
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 from studies.joint.statements import ARMS, CLAIMS, OPTIMUM, joint_statements

@@ -7,12 +7,12 @@ import pandas as pd
 from studies.core.claims import Claim, conjunction, quantity
 from studies.core.drawn_events import paired
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
-from studies.mismatch.rails import RAILS
-from studies.mismatch.settings import (
+from studies.mismatch.events import (
     DELAYED,
     GIVEN,
     MIDDLE,
     NOISES,
+    RAILS,
     REFERENCE,
     SAME_BELIEF,
     SEARCHER,

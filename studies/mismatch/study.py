@@ -5,9 +5,18 @@ import pandas as pd
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 from studies.ladder.study import RULE
-from studies.mismatch.events import DURATION, Place, scenario
-from studies.mismatch.rails import RAILS
-from studies.mismatch.settings import GIVEN, MIDDLE, NOISES, OWN, RIGHT, settings_at
+from studies.mismatch.events import (
+    DURATION,
+    GIVEN,
+    MIDDLE,
+    NOISES,
+    OWN,
+    RAILS,
+    RIGHT,
+    Place,
+    scenario,
+    settings_at,
+)
 from studies.mismatch.statements import CLAIMS, mismatch_statements
 
 

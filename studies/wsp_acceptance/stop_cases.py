@@ -10,7 +10,7 @@ from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.model import build
 from alloc.plant.sets import find_set
 from alloc.plant.train import Car, Train
-from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
+from studies.core.drawn_events import DrawnEvents, Quantity, in_turn, sometimes, uniform
 from studies.files.study_error import StudyError, unknown
 from studies.scenario.train_keys import build_train
 from studies.slides.jp4209318 import slide_protection, slide_train
@@ -166,9 +166,7 @@ QUANTITIES: dict[str, Quantity] = {
     "brake": Quantity(
         "discs or shoes", "as in the table", lambda g, _: ("discs", "shoes")[int(g.integers(2))]
     ),
-    "curve": Quantity(
-        "each in its turn", "as in the table", lambda _, d: list(CURVES)[d["number"] % len(CURVES)]
-    ),
+    "curve": in_turn(list(CURVES), "each in its turn", "as in the table"),
     "level": Quantity(
         "0.02 ... 0.1, uniform in its logarithm", "between the table's levels",
         lambda g, _: round(0.02 * 5.0 ** float(g.uniform()), 4),

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from studies.claims.events import drawn_table
 from studies.claims.measures import EXCESS_EDGES, excess_column
-from studies.claims.quantities import drawn_table
 from studies.claims.statements import LAYERS
 from studies.claims.study import RULES
-from studies.core.arms import COMPARED
+from studies.core.drawn_events import COMPARED
 from studies.differences.answers import RULES as DIFFERENCE_RULES
 
 Row = dict[str, Any]

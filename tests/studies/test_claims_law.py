@@ -176,13 +176,12 @@ def test_a_bound_of_a_conjunction_that_is_missed_is_said_and_nothing_else_change
         if claim.each and before.verdict == HOLDS and len(events) > 1:
             pushed += 1
             first = claim.bearing(events).index[0]
+            changed = (with_value(events, first, *how) for how in far(events, claim.mean))
             other = next(
-                changed
-                for column in names_in(claim.mean) if column in events
-                for value in FAR
-                for changed in [with_value(events, first, column, value)]
-                if not meets(claim, float(claim.values(changed).astype(float).loc[first]))
-            )  # fmt: skip
+                one
+                for one in changed
+                if not meets(claim, float(claim.values(one).astype(float).loc[first]))
+            )
             after = engine.conjunction(other, claim, *args, **how)
             assert after.conditions == (f"not {events.loc[first, claim.each]}",)
             some = claim.some or how.get("partly")
@@ -190,13 +189,17 @@ def test_a_bound_of_a_conjunction_that_is_missed_is_said_and_nothing_else_change
     assert found.families or pushed
 
 
-FAR = (1e9, -1e9, 0.0, 1.0)
-"""Values of which one is on the other side of any threshold."""
+def far(events, mean):
+    """Columns that a mean names, each with values of which one is on the other side of any threshold."""
+    for column in dict.fromkeys(name for name in names_in(mean) if name in events):
+        if events[column].dtype == bool:
+            yield from ((column, value) for value in (False, True))
+        elif pd.api.types.is_numeric_dtype(events[column]):
+            yield from ((column, value) for value in (1e9, -1e9, 0.0, 1.0))
 
 
 def with_value(events, row, column, value):
-    other = events.copy()
-    other[column] = other[column].astype(object if other[column].dtype == object else float)
+    other = events.astype({column: bool if isinstance(value, bool) else float})
     other.loc[row, column] = value
     return other
 
@@ -211,13 +214,12 @@ def missed(events, claim, leaf):
         other = pushed_over(events, replace(leaf, side=side), columns[0], claimed=False)
         return None if other is None else (other, columns[0])
     bear = len(leaf.bearing(claim.bearing(events)))
-    for column in columns:
-        for value in FAR:
-            other = events.assign(**{column: value})
-            own = claim.bearing(other)
-            mean = float(leaf.values(own).astype(float).mean())
-            if len(leaf.bearing(own)) == bear > 0 and not meets(leaf, mean):
-                return other, column
+    for column, value in far(events, leaf.mean):
+        other = events.assign(**{column: value})
+        own = claim.bearing(other)
+        mean = float(leaf.values(own).astype(float).mean())
+        if len(leaf.bearing(own)) == bear > 0 and not meets(leaf, mean):
+            return other, column
     return None
 
 

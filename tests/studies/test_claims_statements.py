@@ -11,9 +11,8 @@ from scipy.stats import binomtest, bootstrap, ttest_rel
 
 from studies.claims.statements import PARTS
 from studies.claims.study import CLAIMS
-from studies.core.arms import Arm
 from studies.core.claims import quantity
-from studies.core.drawn_events import complete
+from studies.core.drawn_events import Arm, complete
 from studies.core.statement import (
     CONDITIONS,
     FAILS,

@@ -8,14 +8,13 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies.claims.events import scenario
+from studies.claims.events import QUANTITIES, draw, drawn_table, scenario
 from studies.claims.measures import EXCESS_EDGES, excess_column, measure
-from studies.claims.quantities import QUANTITIES, draw, drawn_table
 from studies.claims.statements import ARMS, statement_name
 from studies.claims.study import CLAIMS
 from studies.claims.study import RULES as CLAIM_RULES
-from studies.core.arms import COMPARED
 from studies.core.collection import all_studies, find_study, study_folder
+from studies.core.drawn_events import COMPARED
 from studies.core.job import Job, simulate_job
 from studies.core.shard import ALL
 from studies.core.statement import LEAST_EVENTS, VERDICTS, Interval, Statement

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.claims.events import REFERENCE_SPEED
+from studies.claims.events import draw
 from studies.claims.events import scenario as claim_event
-from studies.claims.quantities import draw
+from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import (
     CONDITIONS,
     FAILS,

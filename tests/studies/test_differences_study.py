@@ -143,7 +143,7 @@ def test_the_claims_reading_is_counted_kind_by_kind():
     assert verdict(short, "claim 1").verdict == FAILS
     both = verdict(pd.concat([difference_table(), short]), "claim 1")
     assert both.verdict == CONDITIONS
-    assert both.conditions == ("with plain", "not with caps not growing")
+    assert both.conditions == ("not with caps not growing",)
     key = "share of case B that it falls short, greedy-claim, caps not growing"
     assert both.numbers[key].value == 1.0
 
