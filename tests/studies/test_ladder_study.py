@@ -9,10 +9,10 @@ from alloc.plant.model import build, level_for
 from alloc.plant.rail import Rail
 from alloc.simulation import CONTROLLERS, simulate
 from studies.core.drawn_events import complete
+from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.ladder.events import (
     QUANTITIES,
-    REFERENCE_SPEED,
     TRAINS,
     draw,
     scenario,
