@@ -2,8 +2,7 @@
 
 from studies.claims.events import DURATION, EVENTS, scenario
 from studies.claims.measures import measure
-from studies.claims.statements import CLAIMS as CLAIMED
-from studies.claims.statements import LAYERS, claim_statements
+from studies.claims.statements import CLAIMS, LAYERS, claim_statements
 from studies.core.drawn_events import COMPARED, complete
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
@@ -17,12 +16,12 @@ def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
     return [Job(one, rule, controller, k, measure) for controller in COMPARED for rule in RULES]
 
 
-CLAIMS = Study(
+CLAIM_STUDY = Study(
     name="claims",
     question="claims (a) to (e) of JP5484215 over random events, all rules paired",
     default_events=240,
     cells=EachEvent(cells),
     finish=EVENTS.joined,
     judge=lambda table: claim_statements(complete(table)),
-    claims=CLAIMED,
+    claims=CLAIMS,
 )

@@ -40,11 +40,11 @@ def per_series(table: pd.DataFrame) -> pd.DataFrame:
         wide[f"data, {arm}"] = total
         wide[f"excess, {arm}"] = summed["excess"].sum() / total.where(total > 0.0)
         for name, tolerance in (("stations", TOLERANCE), ("coarse", COARSE)):
-            wide[f"{name}, {arm}"] = groups[["station", "error"]].apply(_learnt, tolerance)
+            wide[f"{name}, {arm}"] = groups[["station", "error"]].apply(_stations_until, tolerance)
     return pd.DataFrame(wide).reset_index()
 
 
-def _learnt(rows: pd.DataFrame, tolerance: float) -> float:
+def _stations_until(rows: pd.DataFrame, tolerance: float) -> float:
     """First station from which on the error stays within the tolerance; nan for never."""
     outside = rows["station"][rows["error"] > tolerance]
     if outside.empty:

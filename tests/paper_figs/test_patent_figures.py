@@ -16,7 +16,7 @@ from paper_figs.patent import (
 )
 from paper_figs.rules import differences
 from studies.claims.statements import LAYERS
-from studies.claims.study import CLAIMS as CLAIM_STUDY
+from studies.claims.study import CLAIM_STUDY
 from studies.core.drawn_events import COMPARED, Arm
 from studies.core.statement import FAILS, HOLDS
 from studies.core.store import Store

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import binomtest, bootstrap, ttest_rel
 
 from studies.claims.statements import PARTS
-from studies.claims.study import CLAIMS
+from studies.claims.study import CLAIM_STUDY
 from studies.core.claims import quantity
 from studies.core.drawn_events import Arm, complete
 from studies.core.statement import (
@@ -34,7 +34,7 @@ def _one_arm(monkeypatch):
 
 
 def verdicts(change=lambda row: row, events=120):
-    return {s.name: s for s in CLAIMS.statements(claim_table(events, change))}
+    return {s.name: s for s in CLAIM_STUDY.statements(claim_table(events, change))}
 
 
 @cache
