@@ -17,7 +17,7 @@ from studies.core.drawn_scenarios import (
     uneven,
 )
 from studies.ladder.events import TRAINS, train_of
-from studies.ladder.statements import LOCOMOTIVE
+from studies.ladder.ladder_study import LOCOMOTIVE
 from studies.scenario.scenario import Scenario
 
 DURATION = 15.0

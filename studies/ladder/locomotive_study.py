@@ -7,10 +7,9 @@ from studies.core.drawn_events import complete, paired
 from studies.core.job import Job
 from studies.core.statement import Statement
 from studies.core.study import EachEvent, Study
+from studies.ladder.ladder_study import METRICS, RULE, better, yardstick
 from studies.ladder.locomotive_events import DURATION, EVENTS, RAILS, STATES, scenario
-from studies.ladder.published import ARMS, BAR, PUBLISHED
-from studies.ladder.statements import METRICS, better, yardstick
-from studies.ladder.study import RULE
+from studies.ladder.published_study import ARMS, BAR, PUBLISHED
 
 HOSTED = ("mpc", "mpc-car")
 """An axle's own problem, and one problem of all axles with load transfer."""

@@ -14,7 +14,7 @@ from alloc.plant.model import Model
 from studies.core.cell import Shared, Yield
 from studies.core.job import Job, simulate_job
 from studies.core.run_status import run_status
-from studies.headroom.measures import measure
+from studies.patent.headroom_events import measure
 from studies.report.packing import pack
 
 PERIOD = 0.05

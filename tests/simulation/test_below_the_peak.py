@@ -6,7 +6,7 @@ import pytest
 from alloc.simulation import simulate
 from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.drawn_scenarios import rail_offering
-from studies.mismatch.events import RAILS
+from studies.ladder.mismatch_events import RAILS
 from studies.scenario.loading import load_scenario
 
 OFFERED = 0.25

@@ -9,8 +9,6 @@ import pandas as pd
 import pytest
 from scipy.stats import binomtest, bootstrap, ttest_rel
 
-from studies.claims.statements import PARTS
-from studies.claims.study import CLAIM_STUDY
 from studies.core.claims import quantity
 from studies.core.drawn_events import Arm, complete
 from studies.core.statement import (
@@ -24,13 +22,14 @@ from studies.core.statement import (
     mean_interval,
     share_interval,
 )
+from studies.patent.claims_study import CLAIM_STUDY, PARTS
 from tests.studies.sweep_tables import claim_table
 
 
 @pytest.fixture(autouse=True)
 def _one_arm(monkeypatch):
     """Most of these ask what the numbers of one rule under one controller say."""
-    monkeypatch.setattr("studies.claims.statements.ARMS", (Arm("greedy", "cut-and-ramp"),))
+    monkeypatch.setattr("studies.patent.claims_study.ARMS", (Arm("greedy", "cut-and-ramp"),))
 
 
 def verdicts(change=lambda row: row, events=120):
@@ -147,7 +146,7 @@ def test_the_claims_are_one_family():
 
 def test_each_arm_is_judged_by_each_claim(monkeypatch):
     both = (Arm("greedy", "cut-and-ramp"), Arm("exact", "cut-and-ramp"))
-    monkeypatch.setattr("studies.claims.statements.ARMS", both)
+    monkeypatch.setattr("studies.patent.claims_study.ARMS", both)
     found = verdicts()
     assert list(found) == [f"{c}: {' under '.join(arm)}" for arm in both for c in "abcde"]
     assert max(s.test.level for s in found.values()) == pytest.approx(1.0 - 0.05 / 10)

@@ -8,17 +8,16 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies.claims.events import QUANTITIES, draw, drawn_table, scenario
-from studies.claims.measures import EXCESS_EDGES, excess_column, measure
-from studies.claims.statements import ARMS, statement_name
-from studies.claims.study import CLAIM_STUDY
-from studies.claims.study import RULES as CLAIM_RULES
 from studies.core.collection import all_studies, find_study, study_folder
 from studies.core.drawn_events import COMPARED
 from studies.core.job import Job, simulate_job
 from studies.core.shard import ALL
 from studies.core.statement import LEAST_EVENTS, VERDICTS, Interval, Statement
 from studies.files.study_error import StudyError
+from studies.patent.claim_events import QUANTITIES, draw, drawn_table, scenario
+from studies.patent.claim_measures import EXCESS_EDGES, excess_column, measure
+from studies.patent.claims_study import ARMS, CLAIM_STUDY, statement_name
+from studies.patent.claims_study import RULES as CLAIM_RULES
 
 SHORT = 3.0
 """Length of an event [s] that is just long enough for the measures."""

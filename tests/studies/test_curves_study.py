@@ -4,8 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.claims.events import draw
-from studies.claims.events import scenario as claim_event
 from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import (
     CONDITIONS,
@@ -15,16 +13,20 @@ from studies.core.statement import (
     UNDECIDED,
     mean_interval,
 )
-from studies.curves.statements import (
+from studies.ladder.curves_study import (
     BASE,
+    CURVE_STUDY,
     CURVES,
     METRICS,
     PAIRS,
     RULES,
+    SEEKING,
     curve_statements,
     paired_difference,
+    scenario,
 )
-from studies.curves.study import CURVE_STUDY, SEEKING, scenario
+from studies.patent.claim_events import draw
+from studies.patent.claim_events import scenario as claim_event
 from tests.studies.ladder_tables import curve_table
 
 SHORT = 2.5

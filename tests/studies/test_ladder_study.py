@@ -18,10 +18,16 @@ from studies.ladder.events import (
     scenario,
     train_of,
 )
+from studies.ladder.ladder_study import (
+    LADDER,
+    LADDER_STUDY,
+    LOCOMOTIVE,
+    RULE,
+    SEARCHING,
+    ladder_statements,
+)
 from studies.ladder.measures import INTERVAL, measure
-from studies.ladder.published import PUBLISHED
-from studies.ladder.statements import LADDER, LOCOMOTIVE, SEARCHING, ladder_statements
-from studies.ladder.study import LADDER_STUDY, RULE
+from studies.ladder.published_study import PUBLISHED
 from tests.studies.ladder_tables import ladder_table
 
 SHORT = 1.5

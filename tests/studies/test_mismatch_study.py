@@ -11,7 +11,7 @@ from alloc.simulation import simulate
 from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import FAILS, HOLDS
 from studies.ladder.events import draw
-from studies.mismatch.events import (
+from studies.ladder.mismatch_events import (
     DELAYED,
     EVERYWHERE,
     GIVEN,
@@ -29,8 +29,7 @@ from studies.mismatch.events import (
     scenario,
     settings_at,
 )
-from studies.mismatch.statements import mismatch_statements
-from studies.mismatch.study import MISMATCH, cells, meant
+from studies.ladder.mismatch_study import MISMATCH, cells, meant, mismatch_statements
 from tests.studies.mismatch_tables import mismatch_table
 
 

@@ -9,6 +9,8 @@ from alloc.simulation import simulate
 from studies.core.claims import quantity
 from studies.core.collection import find_study
 from studies.core.statement import FAILS, HOLDS
+from studies.ladder.ladder_study import METRICS
+from studies.ladder.ladder_study import cells as ladder_cells
 from studies.ladder.locomotive_events import (
     DRY,
     EVENTS,
@@ -21,10 +23,14 @@ from studies.ladder.locomotive_events import (
 )
 from studies.ladder.locomotive_study import HOSTED, LOCOMOTIVE_STUDY, PARTS, locomotive_statements
 from studies.ladder.locomotive_study import cells as locomotive_cells
-from studies.ladder.published import ARMS, BAR, PUBLISHED, SAID, published_statements
-from studies.ladder.published_study import PUBLISHED_STUDY
-from studies.ladder.statements import METRICS
-from studies.ladder.study import cells as ladder_cells
+from studies.ladder.published_study import (
+    ARMS,
+    BAR,
+    PUBLISHED,
+    PUBLISHED_STUDY,
+    SAID,
+    published_statements,
+)
 from tests.studies.ladder_tables import NUMBERS
 
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from studies.claims.statements import CLAIMS
 from studies.core.cell import Task
 from studies.core.claims import Claim, decisive, fingerprint, freeze, frozen
 from studies.core.collection import all_studies
 from studies.core.statement_report import about, frozen_words
 from studies.core.study import EachEvent, Study
 from studies.core.union import unite
+from studies.patent.claims_study import CLAIMS
 
 RECORD = Path(__file__).with_name("claim_thresholds.json")
 """Every state of what decides the claims of the patent, oldest first, with the reason of its change."""
