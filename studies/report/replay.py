@@ -86,7 +86,7 @@ class Replay:
     status: str
     reason: str
     plan_use: float
-    """Effort, the plan at most, over the plan (`studies.headroom`); nan where the run failed."""
+    """Effort, the plan at most, over the plan (`studies.patent.headroom_events`); nan where the run failed."""
     run: Mapping[str, Any]
     """Replay of the run in `kept`; nothing where the run failed."""
 

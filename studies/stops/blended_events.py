@@ -37,13 +37,13 @@ from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
 ROLLING = 3.0
-"""Time [s] for which the train rolls before it brakes, as in `studies.wsp_acceptance`: it then knows the gradient."""
+"""Time [s] for which the train rolls before it brakes, as for slide protection alone: it then knows the gradient."""
 DURATION = 17.0
 """Length of an event [s]. Stops from low speed are over by then; the others are cut off while they brake."""
 REFERENCE_SPEED = 15.0
-"""Speed [m/s] at which a rail of any curve offers the drawn level, as in `studies.wsp_acceptance`."""
+"""Speed [m/s] at which a rail of any curve offers the drawn level, as in `studies.stops.acceptance_stops`."""
 LEAST_LEVEL = 0.02
-"""Least adhesion, that of `studies.wsp_acceptance`."""
+"""Least adhesion, that of `studies.stops.acceptance_stops`."""
 SLOPE = 0.0083 / 0.07
 """Growth along the train over the coefficient: JP5484215 (15), in proportion."""
 SOURCES = ("estimate", "truth")

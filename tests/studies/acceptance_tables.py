@@ -18,7 +18,7 @@ GOOD: Row = {
 
 
 def acceptance_table(change: Change = lambda row: row) -> pd.DataFrame:
-    """Rows of the default sweep as `studies.stops.acceptance_study` makes them; `change` alters each."""
+    """Rows of the default sweep as `studies.stops.wsp_acceptance_study` makes them; `change` alters each."""
     return pd.DataFrame([change(dict(row)) for row in _good_rows()])
 
 

@@ -45,7 +45,7 @@ from studies.stops.acceptance_stops import (
     rail_of,
     stop_of,
 )
-from studies.stops.acceptance_study import WSP_ACCEPTANCE, acceptance_statements, cells
+from studies.stops.wsp_acceptance_study import WSP_ACCEPTANCE, acceptance_statements, cells
 from tests.studies.acceptance_tables import acceptance_table
 
 TRAIN = discs(2)
