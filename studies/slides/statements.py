@@ -222,8 +222,8 @@ def _step(table: pd.DataFrame) -> Statement:
         "damage_change": (halved["damage"] / whole["damage"] - 1.0).abs(),
     })  # fmt: skip
     changes["run"] = [
-        f"with {cars} cars, {setting}: {row['distance_change']:.3f} m, {100 * row['damage_change']:.2f} %"
-        for (cars, setting), row in changes.iterrows()
+        f"with {cars} cars, {setting}: {metres:.3f} m, {100 * share:.2f} %"
+        for (cars, setting), metres, share in zip(changes.index, *changes.to_numpy().T, strict=True)
     ]  # fmt: skip
     numbers = {"largest change of Q [%]": 100.0 * changes["damage_change"].max()}
     return conjunction(changes, HALVED, numbers=numbers)

@@ -125,9 +125,11 @@ def sander_statements(table: pd.DataFrame) -> list[Statement]:
     damage = table[table["part"] == "placement"].pivot_table(
         index="event", columns="sharing", values="damage", aggfunc="sum"
     )
-    arms = {_arm(*arm): events[arm] for arm in events}
+    shares = {_arm(one, how): events[one, how] for one in PLACEMENTS for how in SHARINGS}
     ratios = {f"wheel damage, {how}": damage[how] / damage[EQUAL] for how in SHARINGS}
-    wide = pd.DataFrame(arms | ratios | {BEST: events[alone, EQUAL], BOTH: events[place, sharing]})
+    wide = pd.DataFrame(
+        shares | ratios | {BEST: events[alone, EQUAL], BOTH: events[place, sharing]}
+    )
     others = tuple(case for case in PLACEMENT.cases if case.name != f"against {alone}")
     together = TOGETHER if sharing != EQUAL else replace(TOGETHER, mean="")
     return [
