@@ -327,7 +327,7 @@ def conjunction(
     else:
         words = [leaf.words(i) for leaf, i in zip(leaves, intervals, strict=True)]
         if leaves[:1] == (claim,):  # the statement itself says what is claimed
-            words[0] = claim.show(intervals[0]) if claim.show else ""
+            words[0] = claim.show(intervals[0]) if claim.show and len(values[0]) else ""
         words = [*words[:needed], *met, *words[needed:], *further]
         found = zip(words, chain(*all_met(rows[0])), strict=True)
         conditions = [unmet(word, one) for word, one in found if word and not one]

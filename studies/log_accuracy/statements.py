@@ -58,7 +58,7 @@ CLAIMS = (
         "stated",
         f"{COVERED - EITHER_WAY:.0%} to {COVERED + EITHER_WAY:.0%} of the logs with a Q lie within twice the error that is "
         "stated",
-        "covered", ABOUT, COVERED, EITHER_WAY, only="refused == 0", exact=True, show=in_words("with {:.1f} %", 100.0),
+        "covered", ABOUT, COVERED, EITHER_WAY, only="refused == 0", exact=True, show=in_words("with {:.1%}"),
         reason="a stated error that is right covers as many",
         numbers={"share within twice the stated error": "covered", "of the wrong ones": "covered if right == 0"},
         method="holds if the share lies there",

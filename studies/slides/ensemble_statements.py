@@ -1,6 +1,7 @@
 """Claims about the ensemble of the slide protection's calibration: how large it is, what it determines and predicts."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -55,8 +56,7 @@ DETERMINED = Claim(
 FORGOTTEN = Claim(
     "settled", "the sampler has forgotten where its walkers began",
     cases=(
-        Claim("at rest", mean="shift", side=AT_MOST, value=SETTLED, exact=True, reason="means no longer move",
-              show=in_words("means moved by {:.2f} standard deviations")),
+        Claim("at rest", mean="shift", side=AT_MOST, value=SETTLED, exact=True, reason="means no longer move"),
         Claim("free enough", mean="moved", value=MOVING, exact=True, reason="walkers that may go anywhere move as often",
               show=in_words("walkers take {:.0f} % of their steps", 100.0)),
     ),
@@ -187,8 +187,11 @@ def _settled(table: pd.DataFrame) -> Statement:
         middle, end = cubes.values()
         shift = np.abs(end.mean(axis=0) - middle.mean(axis=0)) / end.std(axis=0)
     moved = float(rows.loc[rows["generation"] == last, "accepted"].mean())
+    worst = list(BOUNDS)[int(np.argmax(shift))] if last >= 2 else "too few steps"
+    rest, free = FORGOTTEN.cases
+    named = replace(FORGOTTEN, cases=(replace(rest, show=in_words(worst)), free))
     found = pd.DataFrame({"shift": [np.max(shift)], "moved": [moved]})
-    return conjunction(found, FORGOTTEN, least_events=0)
+    return conjunction(found, named, least_events=0)
 
 
 def held_out_statements(rows: pd.DataFrame) -> list[Statement]:
