@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 import studies
-from studies.core.claims import ABOUT, AT_MOST, Claim, conjunction
+from studies.core.claims import ABOUT, AT_LEAST, AT_MOST, Claim, conjunction, meets
 from studies.core.collection import all_studies
 from studies.core.statement import (
     CONDITIONS,
@@ -117,6 +117,17 @@ def test_what_is_not_met_is_a_condition_in_its_words():
     found = conjunction(pd.DataFrame(), Claim("x"), {"": True, "a": False}, {"b": False}, {"n": 2})
     assert (found.verdict, found.conditions) == (FAILS, ("not a", "not b"))
     assert found.numbers["n"].value == 2.0
+
+
+def test_a_number_that_is_not_random_meets_its_bounds_ends_included():
+    values = (0.4, 0.5, 1.0, 1.5, 1.6, np.nan)
+    for side_claimed, expected in (
+        (AT_LEAST, (False, False, True, True, True, False)),
+        (AT_MOST, (True, True, True, False, False, False)),
+        (ABOUT, (False, True, True, True, False, False)),
+    ):
+        claim = Claim("x", side=side_claimed, value=1.0, tolerance=0.5 * (side_claimed == ABOUT))
+        assert tuple(meets(claim, one) for one in values) == expected, side_claimed
 
 
 def test_rows_that_are_cases_count_alike_and_those_that_miss_are_named():
