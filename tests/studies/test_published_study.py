@@ -11,17 +11,20 @@ from studies.core.collection import find_study
 from studies.core.statement import FAILS, HOLDS
 from studies.ladder.ladder_study import METRICS
 from studies.ladder.ladder_study import cells as ladder_cells
-from studies.ladder.locomotive_events import (
+from studies.ladder.locomotive_study import (
     DRY,
     EVENTS,
     FAILURE_TIME,
+    HOSTED,
     KINDS,
+    LOCOMOTIVE_STUDY,
+    PARTS,
     RAILS,
     STATES,
     WET,
+    locomotive_statements,
     scenario,
 )
-from studies.ladder.locomotive_study import HOSTED, LOCOMOTIVE_STUDY, PARTS, locomotive_statements
 from studies.ladder.locomotive_study import cells as locomotive_cells
 from studies.ladder.published_study import (
     ARMS,
