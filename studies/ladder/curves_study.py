@@ -76,9 +76,12 @@ CLAIMS = tuple(_same_sign(pair, metric) for pair in PAIRS for metric in METRICS)
 
 
 def pairs_of(table: pd.DataFrame) -> pd.DataFrame:
-    """One row per event of rows that are ok, every metric as ``metric@curve/rule/controller``."""
+    """One row per event of rows that are ok, every metric as ``metric@curve/rule/controller``; nan where a run failed."""
     arm = table["curve"] + "/" + table["rule"] + "/" + table["controller"]
-    return paired(table.assign(scenario=table["event"], arm=arm), "arm", METRICS, [])
+    arms = dict.fromkeys("/".join(one) for pair in PAIRS for one in (pair.one, pair.other))
+    wanted = [f"{metric}@{curve}/{one}" for metric in METRICS for curve in CURVES for one in arms]
+    found = paired(table.assign(scenario=table["event"], arm=arm), "arm", METRICS, [])
+    return found.reindex(columns=wanted)
 
 
 def curve_statements(table: pd.DataFrame) -> list[Statement]:

@@ -133,3 +133,10 @@ def test_differences_are_paired_by_event():
     )
     assert spread.value == pytest.approx(plain.value)
     assert spread.high - spread.low == pytest.approx(plain.high - plain.low)
+
+
+def test_a_controller_that_fails_on_every_rail_of_a_curve_gives_no_verdict():
+    table = curve_table()
+    failed = (table["curve"] == "Polach wet") & (table["controller"] == "mpc")
+    for one in curve_statements(table[~failed]):
+        assert one.verdict == (TOO_FEW if one.name.startswith("mpc") else HOLDS), one.name
