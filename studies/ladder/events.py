@@ -4,21 +4,8 @@ from functools import lru_cache
 from typing import Any
 
 from alloc.plant.train import Train
+from studies.core import drawn_scenarios as shared
 from studies.core.drawn_events import DrawnEvents, Quantity, in_turn, sometimes, uniform
-from studies.core.drawn_scenarios import (
-    RESIDUAL_RATIO,
-    SPEED_NOISE,
-    START_SPEED,
-    TWO_PEAKS,
-    UPHILL,
-    drawn_curve,
-    drawn_drop,
-    drawn_scenario,
-    graded,
-    rail_offering,
-    stretch,
-    uneven,
-)
 from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
@@ -38,12 +25,12 @@ QUANTITIES: dict[str, Quantity] = {
         "one torque for four axles, one for each, and one for each of a locomotive that couplers shake",
     ),
     "curve": in_turn(
-        TWO_PEAKS,
+        shared.TWO_PEAKS,
         "piecewise and Polach's of wet rail, each for three events in its turn",
         "a peak at 0.05 m/s with a fall behind it, and one at 0.2 ... 0.6 m/s, wide and moving with speed",
         after=len(TRAINS),
     ),
-    "residual_ratio": RESIDUAL_RATIO,
+    "residual_ratio": shared.RESIDUAL_RATIO,
     "level": uniform(
         0.13, 0.19, ", at 15 km/h",
         "about the planned 0.16: in a third of the events the plan is within reach before the drop",
@@ -58,8 +45,8 @@ QUANTITIES: dict[str, Quantity] = {
     "patch_factor": sometimes(
         0.4, 0.6, 0.9, " times the coefficient, from 10 to 40 m", 1.0, "assumed: met after some seconds, axle after axle"
     ),
-    "speed_noise_kmh": SPEED_NOISE,
-    "grade_permille": UPHILL,
+    "speed_noise_kmh": shared.SPEED_NOISE,
+    "grade_permille": shared.UPHILL,
 }  # fmt: skip
 """Every drawn quantity in the order of drawing."""
 EVENTS = DrawnEvents("ladder", QUANTITIES, stream=(7,), numbered=True)
@@ -77,10 +64,12 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
     """Event `k` as a scenario of `duration` [s]. The train believes in the piecewise curve whatever the rail's is."""
     d = draw(seed, k)
     base, changes = TRAINS[d["train"]]
-    rail = rail_offering(drawn_curve(d["curve"], d), d["level"], START_SPEED, train_of(d["train"]))
-    patches = drawn_drop(d, 0.1), stretch(d["patch_factor"], 10.0, 40.0)
-    return drawn_scenario(
+    rail = shared.rail_offering(
+        shared.drawn_curve(d["curve"], d), d["level"], shared.START_SPEED, train_of(d["train"])
+    )
+    patches = shared.drawn_drop(d, 0.1), shared.stretch(d["patch_factor"], 10.0, 40.0)
+    return shared.drawn_scenario(
         base, event_name(seed, k), f"random event {k} of the ladder", duration,
-        rail | {"increments": {"law": "logarithmic"}} | uneven(d["scatter"], *patches), d,
-        line=graded(d), belief={"curve": {"kind": "piecewise"}}, **changes,
+        rail | {"increments": {"law": "logarithmic"}} | shared.uneven(d["scatter"], *patches), d,
+        line=shared.graded(d), belief={"curve": {"kind": "piecewise"}}, **changes,
     )  # fmt: skip

@@ -6,19 +6,9 @@ abstract alone could be read: levels, train and places are assumed.
 
 import pandas as pd
 
+from studies.core import drawn_scenarios as shared
 from studies.core.claims import family
 from studies.core.drawn_events import DrawnEvents, Quantity, complete, in_turn, paired, uniform
-from studies.core.drawn_scenarios import (
-    RESIDUAL_RATIO,
-    SPEED_NOISE,
-    START_SPEED,
-    TWO_PEAKS,
-    drawn_curve,
-    drawn_scenario,
-    rail_offering,
-    stretch,
-    uneven,
-)
 from studies.core.job import Job
 from studies.core.statement import Statement
 from studies.core.study import EachEvent, Study
@@ -47,16 +37,16 @@ QUANTITIES: dict[str, Quantity] = {
         STATES, "all, or one failed, each for three events in its turn", "as in the source", after=len(RAILS)
     ),
     "curve": in_turn(
-        TWO_PEAKS, "piecewise and Polach's of wet rail, each for six events in its turn", "as the ladder", after=KINDS
+        shared.TWO_PEAKS, "piecewise and Polach's of wet rail, each for six events in its turn", "as the ladder", after=KINDS
     ),
-    "residual_ratio": RESIDUAL_RATIO,
+    "residual_ratio": shared.RESIDUAL_RATIO,
     "level_factor": uniform(0.9, 1.1, " times the level of dry or wet rail", "assumed"),
     "failed_unit": Quantity(
         "one of six axles, all alike", "load transfer makes the axles differ",
         lambda g, _: int(g.integers(1, 7)),
     ),
     "scatter": uniform(0.002, 0.008, ", correlated over 20 m", "as the ladder"),
-    "speed_noise_kmh": SPEED_NOISE,
+    "speed_noise_kmh": shared.SPEED_NOISE,
 }  # fmt: skip
 """Every drawn quantity in the order of drawing."""
 EVENTS = DrawnEvents("locomotive", QUANTITIES, stream=(11,), numbered=True)
@@ -67,13 +57,15 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
     d = EVENTS.draw(seed, k)
     base, changes = TRAINS[LOCOMOTIVE]
     level = d["level_factor"] * (WET if d["rail"] == "wet" else DRY)
-    rail = rail_offering(drawn_curve(d["curve"], d), level, START_SPEED, train_of(LOCOMOTIVE))
+    rail = shared.rail_offering(
+        shared.drawn_curve(d["curve"], d), level, shared.START_SPEED, train_of(LOCOMOTIVE)
+    )
     wet = WET_STRETCHES if d["rail"] == "mixed" else ()
-    patches = (stretch(WET / DRY, *ends, edge=2.0) for ends in wet)
+    patches = (shared.stretch(WET / DRY, *ends, edge=2.0) for ends in wet)
     failed = d["motors"] == "one failed"
-    return drawn_scenario(
+    return shared.drawn_scenario(
         base, EVENTS.event_name(seed, k), f"{d['rail']} rail, {d['motors']}: event {k} of the locomotive", duration,
-        rail | {"increments": {"law": "logarithmic"}} | uneven(d["scatter"], *patches), d,
+        rail | {"increments": {"law": "logarithmic"}} | shared.uneven(d["scatter"], *patches), d,
         load_transfer=True, command=[{"time_s": 0.0, "acceleration_kmhs": ACCELERATION}],
         failures=[{"unit": d["failed_unit"], "time_s": FAILURE_TIME}] if failed else [],
         belief={"curve": {"kind": "piecewise"}}, **changes,

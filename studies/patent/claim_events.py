@@ -6,21 +6,8 @@ import numpy as np
 
 from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
+from studies.core import drawn_scenarios as shared
 from studies.core.drawn_events import DrawnEvents, Quantity, one_of, uniform
-from studies.core.drawn_scenarios import (
-    BAD_PATCH,
-    LOAD_ERROR,
-    SPEED_NOISE,
-    START_SPEED,
-    TELEGRAM_LOSS,
-    TILT,
-    UPHILL,
-    drawn_patch,
-    drawn_scenario,
-    graded,
-    tilted_loads,
-    uneven,
-)
 from studies.scenario.scenario import Scenario
 
 BASE = "wet-start"
@@ -54,7 +41,7 @@ QUANTITIES: dict[str, Quantity] = {
         0.0, 0.012, ", correlated over 20 m",
         "JP5484215 par. on (12)-(15): 0.012 over all its measurements; one stretch of one day scatters less",
     ),
-    "patch_factor": BAD_PATCH,
+    "patch_factor": shared.BAD_PATCH,
     "patch_start_m": uniform(5.0, 40.0, " m", "assumed: met during the event"),
     "patch_length_m": uniform(20.0, 60.0, " m", "assumed: one to three cars"),
     "speed_law": one_of(
@@ -65,11 +52,11 @@ QUANTITIES: dict[str, Quantity] = {
     "load_t": uniform(
         0.0, 8.0, " t per car on the mean", "12 t is a crowded car; up to 8 t the motors reach the plan throughout"
     ),
-    "tilt": TILT,
-    "load_error": LOAD_ERROR,
-    "speed_noise_kmh": SPEED_NOISE,
-    "telegram_loss": TELEGRAM_LOSS,
-    "grade_permille": UPHILL,
+    "tilt": shared.TILT,
+    "load_error": shared.LOAD_ERROR,
+    "speed_noise_kmh": shared.SPEED_NOISE,
+    "telegram_loss": shared.TELEGRAM_LOSS,
+    "grade_permille": shared.UPHILL,
 }  # fmt: skip
 """Every drawn quantity in the order of drawing."""
 EVENTS = DrawnEvents("random", QUANTITIES)
@@ -82,12 +69,13 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
     if d["speed_law"] == "none":
         level = {"level": float(d["level"])}
     else:
-        at_reference = hyperbolic_speed_law(START_SPEED, *SPEED_LAWS[d["speed_law"]])
+        at_reference = hyperbolic_speed_law(shared.START_SPEED, *SPEED_LAWS[d["speed_law"]])
         level = {"law_factor": float(d["level"] / at_reference)}
     rail = level | {"speed_law": d["speed_law"], "increments": _increments(d["slope"])}
-    return drawn_scenario(
-        BASE, event_name(seed, k), f"random event {k}", duration, rail | uneven(d["scatter"], drawn_patch(d)), d,
-        load_t=tilted_loads(d, CARS), line=graded(d), belief={"increments": _increments(BELIEVED_SLOPE)},
+    rail |= shared.uneven(d["scatter"], shared.drawn_patch(d))
+    return shared.drawn_scenario(
+        BASE, event_name(seed, k), f"random event {k}", duration, rail, d,
+        load_t=shared.tilted_loads(d, CARS), line=shared.graded(d), belief={"increments": _increments(BELIEVED_SLOPE)},
     )  # fmt: skip
 
 

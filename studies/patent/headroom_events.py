@@ -10,29 +10,8 @@ from numpy.typing import NDArray
 from alloc.metrics.use import train_bounds
 from alloc.onboard.equipment import equipment
 from alloc.plant.model import structure_of
+from studies.core import drawn_scenarios as shared
 from studies.core.drawn_events import DrawnEvents, Quantity, in_turn, one_of, uniform
-from studies.core.drawn_scenarios import (
-    BAD_PATCH,
-    CONDITIONING,
-    LOAD_ERROR,
-    RESIDUAL_RATIO,
-    SCATTER_SHARE,
-    SPEED_NOISE,
-    START_SPEED,
-    TELEGRAM_LOSS,
-    TILT,
-    TWO_PEAKS,
-    UPHILL,
-    Keys,
-    drawn_curve,
-    drawn_patch,
-    drawn_scenario,
-    graded,
-    rail_offering,
-    stretch,
-    tilted_loads,
-    uneven,
-)
 from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
@@ -90,22 +69,22 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "demand": uniform(0.85, 1.0, " of the usual acceleration", "motors have 17 to 70 % in hand"),
     "curve": one_of(
-        TWO_PEAKS,
+        shared.TWO_PEAKS,
         "piecewise and Polach's of wet rail, equally likely",
         "a narrow peak and a wide one; the train believes in the narrow one",
     ),
-    "residual_ratio": RESIDUAL_RATIO,
-    "scatter_share": SCATTER_SHARE,
-    "conditioning": CONDITIONING,
-    "patch_factor": BAD_PATCH,
+    "residual_ratio": shared.RESIDUAL_RATIO,
+    "scatter_share": shared.SCATTER_SHARE,
+    "conditioning": shared.CONDITIONING,
+    "patch_factor": shared.BAD_PATCH,
     "patch_start_m": uniform(5.0, 30.0, " m", "met during the event"),
     "patch_length_m": uniform(10.0, 60.0, " m", "half a car to three cars"),
     "load_t": uniform(0.0, 6.0, " t per car on the mean (not the locomotive's train)", "motors reach the plan throughout"),
-    "tilt": TILT,
-    "load_error": LOAD_ERROR,
-    "speed_noise_kmh": SPEED_NOISE,
-    "telegram_loss": TELEGRAM_LOSS,
-    "grade_permille": UPHILL,
+    "tilt": shared.TILT,
+    "load_error": shared.LOAD_ERROR,
+    "speed_noise_kmh": shared.SPEED_NOISE,
+    "telegram_loss": shared.TELEGRAM_LOSS,
+    "grade_permille": shared.UPHILL,
 }  # fmt: skip
 """Every drawn quantity in the order of drawing."""
 EVENTS = DrawnEvents("headroom", QUANTITIES, stream=(14,), numbered=True)
@@ -119,7 +98,7 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
     start = shipped_scenario(base).changed(**changes)
     asked = d["demand"] * start.command[0].acceleration_kmhs
     loaded = start.changed(
-        **({} if start.load_t is not None else {"load_t": tilted_loads(d, _cars(start))})
+        **({} if start.load_t is not None else {"load_t": shared.tilted_loads(d, _cars(start))})
     )
     event = loaded.event()
     plan = equipment(event.model, event.onboard).planned_share * asked / 3.6
@@ -128,7 +107,7 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
     if fails:
         mean *= 1.0 + 1.3 * d["wanted"]
     train = event.model.train
-    rail = rail_offering(drawn_curve(d["curve"], d), mean, START_SPEED, train)
+    rail = shared.rail_offering(shared.drawn_curve(d["curve"], d), mean, shared.START_SPEED, train)
     # a curve makes of the increments what it makes of the coefficient at rest
     plan_at_rest = plan * rail["level"] / mean
     growth = d["growth"]
@@ -138,16 +117,16 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
     units = int(structure.axle_unit.max()) + 1
     increments = tuple((plan_at_rest * growth * _growth(structure.axle_unit)).tolist())
     length = sum(car.length for car in train.cars)
-    return drawn_scenario(
+    return shared.drawn_scenario(
         loaded, event_name(seed, k), f"random event {k} with headroom", duration,
         rail
         | {"increments": {"law": "given", "values": increments}, "conditioning": d["conditioning"]}
-        | uneven(d["scatter_share"] * plan, *_sides(d, length), drawn_patch(d)),
+        | shared.uneven(d["scatter_share"] * plan, *_sides(d, length), shared.drawn_patch(d)),
         d,
         target_speed_kmh=None,
         command=[{"time_s": 0.0, "acceleration_kmhs": asked}],
         failures=[{"unit": int(d["failed_place"] * units) + 1, "time_s": d["failed_at_s"]}] if fails else [],
-        line=graded(d, -FAR),
+        line=shared.graded(d, -FAR),
         belief={
             "curve": {"kind": "piecewise"},
             "increments": {"law": "logarithmic", "slope": BELIEVED_SLOPE * plan, "offset": 0.0},
@@ -167,13 +146,13 @@ def _growth(axle_unit: NDArray[np.int64]) -> NDArray[np.float64]:
     return centred
 
 
-def _sides(d: dict[str, Any], length: float) -> tuple[Keys | None, ...]:
+def _sides(d: dict[str, Any], length: float) -> tuple[shared.Keys | None, ...]:
     """Rail better and worse than the mean on either side of a place below the train."""
     if d["source"] not in ("bad front", "bad rear"):
         return ()
     spread = 2.0 * d["wanted"] * (1.0 if d["source"] == "bad front" else -1.0)
     border = -length * d["border"]
-    return stretch(1.0 + spread, -FAR, border), stretch(1.0 - spread, border, FAR)
+    return shared.stretch(1.0 + spread, -FAR, border), shared.stretch(1.0 - spread, border, FAR)
 
 
 def measure(run: xr.Dataset) -> dict[str, float]:

@@ -8,6 +8,7 @@ import numpy as np
 from alloc.plant.laws import GRAVITY
 from alloc.plant.model import structure_of
 from alloc.plant.train import Train
+from studies.core import drawn_scenarios as shared
 from studies.core.drawn_events import (
     DrawnEvents,
     Quantity,
@@ -15,21 +16,6 @@ from studies.core.drawn_events import (
     log_uniform,
     sometimes,
     uniform,
-)
-from studies.core.drawn_scenarios import (
-    CONDITIONING,
-    LOAD_ERROR,
-    SCATTER_SHARE,
-    SHAPE_QUANTITIES,
-    SPEED_NOISE,
-    curve_of,
-    drawn_curve,
-    drawn_drop,
-    drawn_patch,
-    drawn_scenario,
-    graded,
-    rail_offering,
-    uneven,
 )
 from studies.files.units import stated
 from studies.lines.named_files import TRAINS as TRAIN_FILES
@@ -92,7 +78,7 @@ QUANTITIES: dict[str, Quantity] = {
     "curve": in_turn(
         CURVES, "each of seven in its turn", "every kind that ships; the train believes in the piecewise one"
     ),
-    **SHAPE_QUANTITIES,
+    **shared.SHAPE_QUANTITIES,
     # air brakes slide wheels by metres per second, where the rational curve falls to nothing unless it is wide and steep
     "peak_slip": log_uniform(0.15, 0.8, " m/s (rational)", "at 3 m/s three tenths of the peak are left, at least"),
     "steepness": log_uniform(8.0, 20.0, " (rational)", "the same"),
@@ -116,8 +102,8 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "patch_start_m": uniform(0.0, 150.0, " m after the command", "met during the stop"),
     "patch_length_m": uniform(20.0, 150.0, " m", "a car to a train"),
-    "scatter_share": SCATTER_SHARE,
-    "conditioning": CONDITIONING,
+    "scatter_share": shared.SCATTER_SHARE,
+    "conditioning": shared.CONDITIONING,
     "grade_permille": sometimes(0.5, -20.0, 20.0, " per mille", 0.0, "up or down; met before the brakes"),
     "receptivity": sometimes(
         0.4, 0.3, 0.9, " of the electric brake is taken up, on the mean", 1.0, "the scenario wet-stop: 0.5"
@@ -130,7 +116,7 @@ QUANTITIES: dict[str, Quantity] = {
         "threshold or fuzzy", "both laws of slide protection that ship",
         lambda g, _: ("threshold", "fuzzy")[int(g.integers(2))],
     ),
-    "speed_noise_kmh": SPEED_NOISE,
+    "speed_noise_kmh": shared.SPEED_NOISE,
     "speed_quantum_kmh": sometimes(
         0.5, 0.005, 0.05, " km/h", 0.0, "pulses timed over a period; the scenario noisy-sensors: 0.02"
     ),
@@ -139,7 +125,7 @@ QUANTITIES: dict[str, Quantity] = {
         "diameters of 0.86 m entered to a millimetre, to wheels that wore by 4 mm since",
         lambda g, _: float(0.0005 * 10.0 ** g.uniform()) if g.random() < 0.5 else 0.0,
     ),
-    "load_error": LOAD_ERROR,
+    "load_error": shared.LOAD_ERROR,
     "mass_factor": uniform(0.97, 1.03, " of the empty mass", "what a works scale leaves"),
     "resistance_factor": uniform(0.8, 1.2, " of the running resistance", "wind, and formulas that fit a class"),
     "coupler_factor": uniform(0.9, 1.1, " of the couplers' stiffness", "rubber ages"),
@@ -167,7 +153,9 @@ def rail_of(seed: int, k: int) -> dict[str, Any]:
     """Keys of level and curve of the rail of stop `k`; the empty train finds the drawn adhesion there."""
     d = EVENTS.draw(seed, k)
     offered = max(LEAST_LEVEL, d["share"] * asked_of(d) / GRAVITY)
-    return rail_offering(drawn_curve(d["curve"], d), offered, REFERENCE_SPEED, train_of(d["train"]))
+    return shared.rail_offering(
+        shared.drawn_curve(d["curve"], d), offered, REFERENCE_SPEED, train_of(d["train"])
+    )
 
 
 def asked_of(d: dict[str, Any]) -> float:
@@ -178,7 +166,7 @@ def asked_of(d: dict[str, Any]) -> float:
 def peak_of(seed: int, k: int) -> float:
     """Slip velocity of the peak of the rail of stop `k` at `REFERENCE_SPEED` [m/s]."""
     rail = rail_of(seed, k)
-    return float(np.mean(curve_of(rail["curve"]).limit(rail["level"], REFERENCE_SPEED)[1]))
+    return float(np.mean(shared.curve_of(rail["curve"]).limit(rail["level"], REFERENCE_SPEED)[1]))
 
 
 def between(limits: tuple[float, float], share: float) -> float:
@@ -196,15 +184,15 @@ def scenario(seed: int, k: int, source: str = SOURCES[0], duration: float = DURA
     d = EVENTS.draw(seed, k)
     kind, train, rail = TRAINS[d["train"]], train_of(d["train"]), rail_of(seed, k)
     asked, speed = asked_of(d), d["end_kmh"] or between(kind.speed, d["speed"])
-    patches = drawn_drop(d, 0.3, ROLLING), drawn_patch(d, speed / 3.6 * ROLLING)
-    return drawn_scenario(
+    patches = shared.drawn_drop(d, 0.3, ROLLING), shared.drawn_patch(d, speed / 3.6 * ROLLING)
+    return shared.drawn_scenario(
         _base(), event_name(seed, k, source), f"drawn stop {k}: {d['train']}, {d['curve']}", duration,
         rail
         | {
             "increments": _increments(d["growth"] * rail["level"], train.axle_count),
             "conditioning": d["conditioning"],
         }
-        | uneven(d["scatter_share"] * rail["level"], *patches),
+        | shared.uneven(d["scatter_share"] * rail["level"], *patches),
         d,
         {
             "sensors": {name: d[name] for name in ("speed_quantum_kmh", "radius_error")},
@@ -216,7 +204,7 @@ def scenario(seed: int, k: int, source: str = SOURCES[0], duration: float = DURA
         initial_speed_kmh=speed,
         command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * asked}],
         failures=_failures(d, train),
-        line=graded(d, -1e4),
+        line=shared.graded(d, -1e4),
         receptivity={"mean": d["receptivity"], "amplitude": 0.6 * (1.0 - d["receptivity"]), "period_s": 7.0},
         belief={
             "curve": {"kind": "piecewise"},
