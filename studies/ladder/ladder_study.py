@@ -10,8 +10,7 @@ from studies.core.drawn_events import complete, paired
 from studies.core.job import Job
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Interval, Statement, in_words
 from studies.core.study import EachEvent, Study
-from studies.ladder.events import DURATION, EVENTS, scenario
-from studies.ladder.measures import measure
+from studies.ladder.events import DURATION, EVENTS, measure, scenario
 
 LADDER = (
     "none", "table", "cut-and-ramp", "pi-creep", "perturb-observe", "steepest-gradient", "mpc",

@@ -10,7 +10,7 @@ from studies.core.drawn_events import complete, paired
 from studies.core.job import Job
 from studies.core.statement import Statement
 from studies.core.study import EachEvent, Study
-from studies.ladder.events import DURATION, EVENTS, scenario
+from studies.ladder.events import DURATION, EVENTS, measure, scenario
 from studies.ladder.ladder_study import (
     DRAWN,
     METRICS,
@@ -21,7 +21,6 @@ from studies.ladder.ladder_study import (
     better,
     yardstick,
 )
-from studies.ladder.measures import measure
 
 PUBLISHED = ("fuzzy-creep", "fuzzy-tracking", "swarm-tracking", "swarm-slip", "cubature-seeking")
 """Built after abstracts of others; each file in `alloc/onboard/controllers` says what had to be assumed."""

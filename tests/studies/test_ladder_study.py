@@ -12,9 +12,11 @@ from studies.core.drawn_events import complete
 from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.ladder.events import (
+    INTERVAL,
     QUANTITIES,
     TRAINS,
     draw,
+    measure,
     scenario,
     train_of,
 )
@@ -26,7 +28,6 @@ from studies.ladder.ladder_study import (
     SEARCHING,
     ladder_statements,
 )
-from studies.ladder.measures import INTERVAL, measure
 from studies.ladder.published_study import PUBLISHED
 from tests.studies.ladder_tables import ladder_table
 
