@@ -17,7 +17,7 @@ from mpc import export
 from mpc.export import LINKED, export_unit
 from mpc.settings import MpcError, MpcSettings, SlipSearch
 from mpc.unit import STATUSES
-from studies.ladder import locomotive_events
+from studies.ladder import locomotive_study
 from studies.scenario.loading import load_scenario
 from tests.mpc.conftest import make_unit
 from tests.mpc.exported import (
@@ -102,7 +102,7 @@ def cases(senses):
         "blended stop": _recorded(load_scenario("wet-stop"), 5.0),
         "high-speed train": _recorded(load_scenario("long-train"), 6.0, unit=3),
         "one axle": _recorded(one_axle, 8.0),
-        "locomotive": _recorded(locomotive_events.scenario(38, 1), 8.0, unit=2),
+        "locomotive": _recorded(locomotive_study.scenario(38, 1), 8.0, unit=2),
         "six axles": (make_unit(axles=6), None, senses(6)),
         "delayed, longer steps": (
             four, MpcSettings(computing_delay=1, step=0.025, horizon=10), senses()

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from alloc.simulation import simulate
-from studies.core.drawn_rails import rail_offering
-from studies.ladder.events import REFERENCE_SPEED
-from studies.mismatch.rails import RAILS
+from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
+from studies.core.drawn_scenarios import rail_offering
+from studies.ladder.mismatch_events import RAILS
 from studies.scenario.loading import load_scenario
 
 OFFERED = 0.25

@@ -11,7 +11,7 @@ from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.train import Sander
 from alloc.simulation import simulate
-from studies.sanders.trial import (
+from studies.stops.sander_trial import (
     FIXED_RATE,
     GREATEST_RATE,
     VARIABLE_AMOUNT,
