@@ -1,37 +1,78 @@
-"""Every metric of the run made by hand, computed by hand: plain sums over its instants, of numbers that stand there."""
+"""Every metric of the run made by hand, computed by hand: plain sums over its instants; and bounds inside metrics from both sides."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 
+from alloc.errors import UnsoundRun
 from alloc.metrics import METRICS, evaluate
 from alloc.metrics.registry import record_period
-from alloc.metrics.use import JERK_CUT_OFF, jerk
-from tests.metrics.recorded_by_hand import recorded
+from alloc.metrics.search import (
+    Signals,
+    episodes,
+    limit_cycle,
+    readhesion_possible,
+    searches,
+    settled_at,
+    shortage,
+    unit_shares,
+    used_coefficient,
+)
+from alloc.metrics.use import JERK_CUT_OFF, LOCK_SPEED, STANDING_SPEED, jerk
+from tests.cases import looped
+from tests.metrics.recorded_by_hand import course, recorded
 
 # Rail force in the driver's direction: axles 0 and 1; axles 3 to 5; then all six under brakes.
 FORCE_UNIT_0 = 2 * 15200 + 2 * 8000 + 4 * 15200 + 3 * 12000 + 5 * 8000 + 14 * 11000
+
+
 FORCE_UNIT_1 = 27 * 36000 + 3 * 30000
+
+
 FORCE_BRAKED = 10 * (3000 + 2000 + 4000 + 6000 + 7000 + 9000)
+
+
 # What rail and load offer: 0.10 x 70 kN = 7000 N at axle 0 until instant 11, 5600 N from 12 on; and so on.
 OFFERED_UNIT_0 = 8 * (7000 + 12600) + 22 * (5600 + 12600)
+
+
 OFFERED_UNIT_1 = 16 * (14400 + 20000 + 23400) + 14 * (14400 + 12000 + 23400)
+
+
 OFFERED_BRAKED = 10 * (5600 + 12600 + 15000 + 14400 + 20000 + 23400)
+
+
 ASKED = 30 * 0.8 + 10 * 0.5
+
+
 REACHED = 29 * 0.6 - 0.2 + 10 * 0.4
+
+
 # Torque of the plan: mean coefficient x load x radius / (gear x axles)
 PLAN = (29 * 0.16 + 0.09 + 10 * 0.10) / 40
+
+
 PLAN_0, PLAN_1 = PLAN * 1.5e5 * 0.5 / (6 * 2), PLAN * 3e5 * 0.4 / (7 * 3)
+
+
 # Room, from 2 s after the demand has grown: instants 20 to 43. The plan is 0.16 and once, at 33, 0.09 of 450 kN; under
 # brakes it is 0.10 of these and of the trailer's 52 kN.
 ROOM_PLAN = 13 * 72000 + 40500 + 10 * (45000 + 5200)
+
+
 # Unit 0 is bound by the rail, 2 x 5600, then by its motors, 400 x 24 less 900 kg x 0.6; unit 1 by its motors, 640 x 52.5
 # less 2100 kg x 0.6. Under brakes air makes up for the motors: 2 x 5600 and 3 x 14400 N exceed the plan together.
 MOST_0, MOST_0_LATE, MOST_1 = 11200, 9600 - 540, 33600 - 1260
+
+
 BOUND = 10 * (MOST_0 + MOST_1) + 3 * (MOST_0_LATE + MOST_1) + 40500 + 10 * (45000 + 5200)
+
+
 # what unit 1 could deliver beyond its own part of the plan
 HEADROOM = 40500 - (MOST_0_LATE + 27000) + 10 * (45000 - 11200 - 30000)
+
 
 EXPECTED = {
     # attributes; times in ms
@@ -97,12 +138,12 @@ def test_every_metric_of_this_package_has_a_value_by_hand():
     assert own == set(EXPECTED)
 
 
-@pytest.mark.parametrize("name", EXPECTED)
+@looped("name", EXPECTED)
 def test_metric_is_the_value_by_hand(name):
     assert METRICS[name].function(recorded()) == pytest.approx(EXPECTED[name], rel=1e-12, abs=0.0)
 
 
-@pytest.mark.parametrize("name", EXPECTED)
+@looped("name", EXPECTED)
 def test_direction_of_better_and_unit_are_those_of_the_quantity(name):
     metric = METRICS[name]
     less = {
@@ -133,6 +174,8 @@ OF_UNITS = {
     "estimate_error", "utilisation_slipping", "utilisation_short", "torque_fluctuation", "detection_delay",
     "search_time", "unfinished_searches",
 }  # fmt: skip
+
+
 OF_ROOM = {"bound_use", "held_back", "headroom", "over_delivery"}
 
 
@@ -174,7 +217,7 @@ def test_with_motors_alone_unpowered_axles_do_not_brake():
     assert result["utilisation"] == pytest.approx(force / offered, rel=1e-12)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("target", "speed", "time", "distance"),
     [
         (math.nan, "as it is", math.nan, 43**2 / 8),  # none set: until the end
@@ -206,7 +249,7 @@ def test_the_target_speed_ends_time_and_distance(target, speed, time, distance):
 
 # An axle is past the peak at instants 10, 11 and 12. A detection belongs to it from 0.1 s (1 instant) before the first
 # until 0.3 s (2 instants) after the last.
-@pytest.mark.parametrize(
+@looped(
     ("onset", "delay", "alarms"),
     [(8, None, 1), (9, -1, 0), (10, 0, 0), (12, 2, 0), (14, 4, 0), (15, None, 1)],
 )
@@ -231,7 +274,7 @@ def test_the_record_period_is_the_mean_distance_of_instants():
     assert np.isnan(record_period(run.isel(time=[0])))
 
 
-@pytest.mark.parametrize("hertz", [2.0, 5.0, 12.0])
+@looped("hertz", [2.0, 5.0, 12.0])
 def test_jerk_is_filtered_twice_by_butterworth_of_second_order(hertz):
     # forth and back: 1 / (1 + (f / f_c)^4), with frequencies as the bilinear transform of 10 ms warps them; differences
     # over two periods: sin(w T) / T in the place of w
@@ -252,7 +295,7 @@ def test_jerk_is_filtered_twice_by_butterworth_of_second_order(hertz):
     assert JERK_CUT_OFF == 5.0
 
 
-@pytest.mark.parametrize(("instants", "filtered"), [(30, False), (31, True)])
+@looped(("instants", "filtered"), [(30, False), (31, True)])
 def test_jerk_of_few_instants_is_not_filtered(instants, filtered):
     run = recorded().isel(time=[0] * instants).assign_coords(time=0.01 * np.arange(instants))
     wave = np.arange(instants) ** 2 % 7.0
@@ -267,3 +310,222 @@ def test_what_vibrates_at_the_end_of_a_run_is_no_step():
     wave = np.cos(2.0 * math.pi * 25.0 * time)  # at its crest at both ends
     run["car_acceleration"] = (("time", "car"), np.stack([wave] * 3, axis=1))
     assert np.abs(jerk(run)).max() < 0.02 * 2.0 * math.pi * 25.0
+
+
+def test_shares_of_units_by_hand():
+    asked, used, available = unit_shares(recorded())
+    # 1000 N m x 6 / 0.5 m at 2 axles over 150 kN; 2000 N m x 7 / 0.4 m and 500 N of air at 3 axles over 300 kN
+    assert asked[10, 0] == pytest.approx(2 * 12000 / 1.5e5, rel=1e-12)
+    assert asked[40, 1] == pytest.approx(3 * (35000 + 500) / 3e5, rel=1e-12)
+    # sums of forces over sums of loads, in the driver's direction
+    assert used[10] == pytest.approx([15200 / 16e4, 36000 / 32e4], rel=1e-12)
+    assert used[40] == pytest.approx([5000 / 16e4, 22000 / 32e4], rel=1e-12)
+    assert available[[10, 20, 40]].tolist() == [[0.10, 0.16], [0.08, 0.12], [0.08, 0.16]]
+
+
+def short_run(asked=0.16, available=0.10, used=0.10):
+    """Unit 0 asks, has and uses these coefficients at all instants; unit 1 asks for nothing."""
+    run = recorded()
+    run["driver_command"] = ("time", course(0.8))
+    run["torque_target"].values[:] = np.stack(
+        [asked * 1.5e5 / 24.0 * np.ones(44), np.zeros(44)], axis=1
+    )
+    run["air_brake_force"].values[:] = 0.0
+    run["adhesion_limit"].values[:] = np.stack([available * np.ones(44)] * 6, axis=1)
+    run["rail_force"].values[:] = np.stack(
+        [used * 8e4 * np.ones(44)] * 2 + [np.zeros(44)] * 4, axis=1
+    )
+    return run
+
+
+@looped(("asked", "short"), [(0.1049, False), (0.1051, True)])
+def test_a_twentieth_beyond_the_rail_is_no_shortage(asked, short):
+    assert shortage(short_run(asked))[:, 0].all() == short
+    assert not shortage(short_run(asked))[:, 1].any()
+
+
+@looped(("after", "starts"), [(0.0901, [0]), (0.0899, [0, 20])])
+def test_a_fall_by_a_tenth_starts_a_search_anew(after, starts):
+    run = short_run(available=course(0.10, (20, 43, after)))
+    assert [episode.start for episode in episodes(run)] == starts
+
+
+def test_a_fall_that_takes_half_a_second_is_one_and_a_slower_one_is_none():
+    # by 0.003 an instant: 12 % in four instants, and 9 % in three; half a second is four
+    quick = short_run(available=0.10 - 0.003 * np.clip(np.arange(44) - 20, 0, 4))
+    slow = short_run(available=0.10 - 0.002 * np.clip(np.arange(44) - 20, 0, 10))
+    assert [episode.start for episode in episodes(quick)] == [0, 24]
+    assert [episode.start for episode in episodes(slow)] == [0]
+
+
+@looped(("used", "ticks"), [(0.0901, 0), (0.0899, 4)])
+def test_nine_tenths_of_the_rail_count_as_found(used, ticks):
+    run = short_run(used=course(0.10, (10, 13, used)))
+    assert [search.time for search in searches(run)] == [ticks * 0.125]
+
+
+@looped(
+    ("lost", "ticks", "finished"),
+    [
+        ([(10, 12), (15, 15)], 6, True),  # back for two instants only, then for good
+        ([(10, 12), (17, 17)], 3, True),  # back for four: that is half a second
+        ([(38, 39)], 2, True),  # back for the last four instants
+        ([(38, 40)], 6, False),  # back for three, and the run ends
+        ([(40, 43)], 0, True),  # lost where half a second is not left
+        ([(39, 43)], 5, False),
+    ],
+)
+def test_adhesion_is_found_where_it_stays_for_half_a_second(lost, ticks, finished):
+    run = short_run(used=course(0.10, *((first, last, 0.05) for first, last in lost)))
+    assert searches(run) == [(ticks * 0.125, finished)]
+
+
+@looped(("rim", "speed", "locked"), [(0.099, 1.39, 1), (0.101, 1.39, 0), (0.0, 1.388, 0)])
+def test_a_wheel_that_stands_is_locked_above_walking_pace(rim, speed, locked):
+    run = recorded()
+    run["rim_speed"].values[:] = 9.0
+    run["rim_speed"].values[5, 3] = rim
+    run["speed"].values[:] = speed
+    assert METRICS["locked_time"].function(run) == locked * 0.125
+    assert (LOCK_SPEED, STANDING_SPEED) == (5.0 / 3.6, 0.1)
+
+
+def test_slip_at_the_peak_itself_is_not_past_it():
+    run = recorded()
+    run["slip_velocity"].values[:] = 0.0
+    run["slip_velocity"].values[10:20, 0] = 0.10
+    run["slip_velocity"].values[30:32, 0] = 0.20  # twice the peak is no slip either, but past it
+    run["slipping"].values[:] = 0
+    run["slipping"].values[[12, 30], 0] = 1
+    found = [METRICS[name].function(run) for name in ("false_alarms", "missed_slips", "slip_time")]
+    assert found == [1.0, 0.0, 0.0]
+    run["slip_velocity"].values[12, 0] = (
+        0.30  # a slip starts where the peak is passed, at the detection here
+    )
+    assert METRICS["detection_delay"].function(run) == 0.0
+
+
+TIME = 0.125 * np.arange(128)
+
+
+def saw(*minima):
+    """Torque that is 700 at these instants, and rises by 10 for each instant away from the nearest."""
+    return 700.0 + 10.0 * np.abs(np.arange(128)[:, None] - np.array(minima)).min(axis=1)
+
+
+def signals(torque, slip):
+    return Signals(
+        TIME,
+        torque[:, None],
+        slip[:, None],
+        np.full((128, 1), 0.05),
+        np.full((128, 1), 0.1),
+        1000.0,
+    )
+
+
+@looped(
+    ("slips", "high", "possible"),
+    [
+        ((112, 114), 0.051, True),  # in the cycle from 14 s on, which contains 14 s
+        ((112, 114), 0.05, True),  # the peak itself is macro slip
+        ((112, 114), 0.049, True),  # never macro: nothing to readhere from
+        ((104, 111), 0.051, False),  # in the cycle before
+        ((120, 122), 0.051, False),  # in the one behind
+        ((112, 119), 0.051, False),  # from its first to its last instant
+        ((112, 118), 0.051, True),
+    ],
+)
+def test_the_cycle_that_contains_the_instant_must_cross_the_peak(slips, high, possible):
+    slip = np.full(128, 0.01)
+    slip[slips[0] : slips[1] + 1] = high
+    found = readhesion_possible(signals(saw(96, 104, 112, 120), slip))
+    assert found.tolist() == [possible]
+
+
+@looped(("first", "possible"), [(47, True), (48, False)])
+def test_slip_before_the_drop_of_adhesion_is_none_to_readhere_from(first, possible):
+    slip = np.full(128, 0.01)
+    slip[first] = 0.3
+    assert readhesion_possible(signals(saw(96, 104, 112, 120), slip)).tolist() == [possible]
+
+
+def test_used_coefficient_by_hand():
+    # 0.1 at 6.0 s, 0.3 at 6.5 s, 0.2 at 7.5 s by straight lines: (0.2 x 0.5 + 0.25 x 1.0) / 1.5
+    time = np.array([5.0, 6.0, 6.5, 7.5, 9.0])
+    coefficient = np.array([9.0, 0.1, 0.3, 0.2, 9.0])
+    assert used_coefficient(time, coefficient, 6.0, 8.0) == pytest.approx(0.35 / 1.5, rel=1e-12)
+
+
+def test_limit_cycle_by_hand():
+    """Torque cycles of 10, 12, 8, 8, 8 instants; slip swings 0.5, 0.2, 0.1, 0.1, 0.1 in them."""
+    starts = (50, 60, 72, 80, 88, 96)
+    torque, slip = saw(*starts), np.full(128, 0.01)
+    for (begin, end), swing in zip(
+        itertools.pairwise(starts), (0.5, 0.2, 0.1, 0.1, 0.1), strict=True
+    ):
+        slip[begin + 1 : end - 1] += swing
+    found = limit_cycle(signals(torque, slip), 0)
+    assert found.period == pytest.approx(8 * 0.125, rel=1e-12)
+    assert found.slip_swing == pytest.approx(0.1, rel=1e-12)
+    assert found.torque_swing == pytest.approx(40.0, rel=1e-12)
+    assert (
+        found.slips_before == 3
+    )  # one ahead of the first cycle, and those of the two that are larger
+    # only what lies between the drop and the end of the search counts
+    assert limit_cycle(signals(torque, slip), 0, drop=72 * 0.125).slips_before == 1
+    until = limit_cycle(signals(torque, slip), 0, cycles=2, until=72 * 0.125)
+    assert until.period == pytest.approx(11 * 0.125, rel=1e-12)
+    assert until.slip_swing == pytest.approx(0.35, rel=1e-12)
+    assert not limit_cycle(signals(torque, slip), 0, cycles=6).exists
+
+
+def test_records_further_apart_than_half_a_second_count_one_by_one():
+    coarse = {"time": 2.0 * np.arange(44)}
+    run = short_run(used=course(0.10, (10, 12, 0.05), (14, 14, 0.05))).assign_coords(coarse)
+    assert searches(run) == [(6.0, True)]
+    apart = short_run(asked=course(0.16, (20, 20, 0.0))).assign_coords(coarse)
+    assert [(e.start, e.stop) for e in episodes(apart)] == [(0, 20), (21, 44)]
+
+
+def test_a_run_of_any_length_has_metrics_in_their_ranges():
+    whole = recorded()
+    for count in (1, 2, 3, 10, whole.sizes["time"]):
+        for first in range(0, whole.sizes["time"] - count + 1, 3):
+            found = evaluate(whole.isel(time=slice(first, first + count)))
+            if count == 1:  # nothing lasts in an instant
+                rates = ("slip_time", "locked_time", "jerk_peak", "search_time", "detection_delay")
+                assert all(np.isnan(found[name]) for name in rates)
+
+
+def test_a_detection_may_be_a_tenth_of_a_second_early_and_no_more():
+    run = recorded().assign_coords(time=0.04 * np.arange(44))
+    run["slip_velocity"].values[:], run["slipping"].values[:] = 0.0, 0
+    run["slip_velocity"].values[20:25, 0] = 1.0
+    for early, delay in ((2, -0.08), (3, np.nan)):
+        run["slipping"].values[:] = 0
+        run["slipping"].values[20 - early, 0] = 1
+        found = METRICS["detection_delay"].function(run)
+        np.testing.assert_allclose(found, delay)
+
+
+def test_a_target_reached_before_anything_is_asked_for_takes_no_time():
+    run = recorded()
+    run.attrs["target_speed"] = float(run["speed"].values[0])
+    run["driver_command"].values[:] = course(0.0, (5, 43, 0.8))
+    assert np.isnan(METRICS["time_to_speed"].function(run))
+
+
+@pytest.mark.parametrize("value", [1.01, -0.01, np.inf])
+def test_a_metric_outside_its_range_is_said_by_its_name(monkeypatch, value):
+    odd = METRICS["held_back"]._replace(function=lambda run: value)
+    monkeypatch.setitem(METRICS._parts, "held_back", odd)
+    with pytest.raises(UnsoundRun, match=r"metric 'held_back' = .* is outside its range, 0 to 1"):
+        evaluate(recorded())
+
+
+def test_a_course_has_settled_after_the_last_value_that_is_away():
+    time = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
+    assert settled_at(time, np.array([5.0, 1.0, 0.2, 0.0, 0.0]), 0.5) == 1.0
+    assert settled_at(time, np.array([0.0, 5.0, 0.0, 5.0, 0.0]), 0.5) == 2.0
+    assert settled_at(time, np.array([0.5, -0.5, 0.0, 0.0, 0.0]), 0.5) == 0.0

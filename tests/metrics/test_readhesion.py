@@ -9,9 +9,14 @@ from hypothesis import strategies as st
 from alloc.estimation.series import spans
 from alloc.metrics import search as readhesion
 from alloc.metrics.search import Signals
+from tests.cases import looped
 
 PLAN = 1000.0
+
+
 PEAK = 0.05
+
+
 TIME = np.arange(-1.0, 16.0, 1e-3)
 
 
@@ -117,19 +122,6 @@ def test_the_limit_cycle_is_the_one_constructed(period, swing):
     assert found.slips_before == 1
 
 
-def test_the_slips_before_the_limit_cycle_are_counted():
-    slip = pulses(0.6)
-    slip = np.where((slip > PEAK) & (TIME < 6.0 + 2 * 0.6), 5.0 * PEAK, slip)
-    found = readhesion.limit_cycle(signals((sawtooth(0.6), slip)), 0)
-    assert found.slips_before == 3  # one ahead of the first cycle, and those of two larger cycles
-
-
-def test_two_cycles_are_no_limit_cycle_of_three():
-    found = readhesion.limit_cycle(signals((sawtooth(4.0), pulses(4.0))), 0)
-    assert not found.exists
-    assert np.isnan(found.slip_swing)
-
-
 @given(st.floats(0.5, 3.0), st.floats(0.01, 0.2))
 def test_an_exponential_settles_when_it_is_near_its_end(time_constant, tolerance):
     time = np.arange(0.0, 60.0, 1e-3)
@@ -182,7 +174,7 @@ def test_what_is_not_monotone_is_said_to_be():
     np.testing.assert_allclose(found.limit, 0.05, atol=1e-3)
 
 
-@pytest.mark.parametrize("numbers", [(0.2, 0.1, 1e-3, 1), (0.0, 1.0, 0.0, 1), (0.0, 1.0, 1.0, 0)])
+@looped("numbers", [(0.2, 0.1, 1e-3, 1), (0.0, 1.0, 0.0, 1), (0.0, 1.0, 1.0, 0)])
 def test_a_search_without_sense_is_refused(numbers):
     with pytest.raises(ValueError, match="limit coefficient"):
         readhesion.limit_coefficient(lambda k, mu: mu > 0.5, 1, *numbers)
