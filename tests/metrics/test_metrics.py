@@ -1,4 +1,4 @@
-"""Every metric of the run made by hand, computed by hand: plain sums over its instants; and bounds inside metrics from both sides."""
+"""Every metric of the run made by hand, by plain sums over its instants, and bounds inside metrics from both sides."""
 
 import itertools
 import math
