@@ -389,13 +389,6 @@ def test_the_shape_is_met_at_every_slip_and_scaled_to_the_peak(curve):
     np.testing.assert_allclose(curve.coefficient(-SLIP, 0.2), -0.2 * shape, atol=2e-5 * 0.2)
 
 
-def test_the_peak_is_the_shapes():
-    curve = DoubleExponential()
-    coefficient, slip = curve.limit(0.2, 10.0)
-    assert coefficient == 0.2
-    assert slip == pytest.approx(curve.top, rel=1e-3)
-
-
 def test_a_steep_shape_keeps_the_laws_of_curves():
     check_curve(DoubleExponential(1.0, 60.0), 60)
 

@@ -264,14 +264,6 @@ def test_locking_wheels_do_not_chatter(run, train):
     assert np.abs(ends[0][model.layout.omega]).max() < 1e-9
 
 
-def test_model_is_not_changed_by_a_run(run, train):
-    rail = Rail(0.12, scatter=0.01)
-    model = build(train("M"), rail)
-    before = replace(model).environment.noise.copy()
-    run(model, 0.1, 10.0, command=1000.0)
-    np.testing.assert_array_equal(model.environment.noise, before)
-
-
 STIFF = [
     PiecewiseCurve(), POLACH_DRY, PolachByFrictionCurve(), SlipRatioCurve(0.03, 0.7), RationalCurve(),
 ]  # fmt: skip

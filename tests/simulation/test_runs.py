@@ -14,7 +14,6 @@ from alloc.errors import PlantError, UnsoundRun
 from alloc.event import Event, SimulationError, canonical
 from alloc.metrics import METRICS, evaluate
 from alloc.onboard.parameters import Onboard, Sensors, Telegrams
-from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail, logarithmic_increments
 from alloc.plant.sets import SETS, find_set
@@ -70,38 +69,6 @@ def test_hosted_rule_and_compiled_rule_make_the_same_run(make_event, dip):
     assert compiled.attrs["rule_calls"] == hosted.attrs["rule_calls"] > 0
     for name in compiled.data_vars:
         np.testing.assert_allclose(hosted[name], compiled[name], rtol=1e-9, atol=1e-9, err_msg=name)
-
-
-def test_limits_are_set_once_per_detection_and_reset_after_the_hold_time(make_event, dip):
-    lines = Telegrams(period=0.1, latency=0.05)
-    onboard = Onboard(hold_time=2.0, telegrams=lines, trigger="slip")
-    run = simulate(make_event(0.155, patches=[dip], onboard=onboard, duration=12.0), "greedy")
-    onsets = run["time"].values[_b1_onsets(run)]
-    assert onsets.size > 0
-    b1 = run["limit"].values[:, 0]
-    changes = run["time"].values[1:][np.diff(b1) != 0.0]
-    changes = changes[changes > 0.25]  # the start itself
-    for change in changes:
-        at_detection = np.min(np.abs(onsets - change)) < 0.011
-        after_hold = np.any(np.abs(onsets + 2.0 - change) < 0.021)
-        assert at_detection or after_hold
-    # every other unit hears of it within a telegram period, the latency and a control period
-    rear = run["limit"].values[:, -1]
-    heard = run["time"].values[1:][np.diff(rear) != 0.0]
-    heard = heard[heard > 0.5]
-    assert all(np.min((h - changes)[h - changes > -1e-9]) <= 0.1 + 0.05 + 0.011 for h in heard)
-    assert run["limit"].values[-1] == pytest.approx(run["expected"].values[-1])
-
-
-def test_in_case_a_every_limit_is_the_cap(make_event):
-    run = simulate(make_event(0.09, onboard=Onboard(trigger="slip")), "greedy", "cut-and-ramp")
-    k = _b1_onsets(run)[0] + 30
-    assert run["case"].values[k] == 1
-    held = run["limit"].values[k, 0]
-    growth = np.array(make_event(0.09).onboard.belief.increments)
-    unit = run["axle_unit"].values
-    means = np.array([growth[unit == j].mean() for j in range(run.sizes["unit"])])
-    np.testing.assert_allclose(run["limit"].values[k], held + means - means[0], rtol=1e-12)
 
 
 def test_estimate_at_detection_is_near_the_true_adhesion(make_event):
@@ -223,12 +190,6 @@ def test_a_coupled_cars_reference_speed_is_its_own():
     assert np.abs(own[:, -1] - run["car_speed"].values[:, -1]).max() < 0.5 * spread.max()
 
 
-def test_the_reference_speed_of_a_rigid_train_is_recorded_once():
-    train = find_set("jp4209318-3car")
-    event = Event("start", build(train, Rail(0.6)), DriverCommand((0.0,), (-0.1,)), duration=0.1)
-    assert "slide_reference" not in simulate(event, "alone", "none")
-
-
 def faulty(monkeypatch, change):
     """Every plant is changed before its run."""
     made = loop.compiled.workspace
@@ -333,15 +294,6 @@ def test_the_driver_reads_what_the_plant_does():
     np.testing.assert_allclose(
         [s.acceleration for s in seen[20:]], run["acceleration"].values[20:], atol=2e-3
     )
-
-
-def test_rolling_downhill_obeys_gravity():
-    model = build(one_wagon((0, 1)), DRY, Line((0.0,), (-0.02,)))
-    run = drive(model, braking(0.0), 20.0, initial_speed=10.0)
-    train = model.train
-    share = train.mass / (train.mass + train.rotating_mass)
-    expected = share * GRAVITY * 0.02 / np.sqrt(1.0 + 0.02**2)
-    np.testing.assert_allclose(run["acceleration"].values[10:], expected, rtol=1e-4)
 
 
 def test_neither_control_period_nor_recording_changes_the_run():
