@@ -19,10 +19,10 @@ from paper_figs.events import (
     shade_bar,
 )
 from paper_figs.style import BLACK, BLUE, DARK, GREY, NOTE, PAGE, VERMILION, new_figure
-from studies.logs.export import log_table, rounded
-from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import MeasuredLog, check_log
 from studies.logs.measured_run import Findings, analyse_run
+from studies.logs.simulated import log_table, rounded
+from studies.logs.train import MeasuredTrain
 from studies.scenario.loading import load_scenario
 
 SCENARIO, RULE, CONTROLLER = "wet-patch", "greedy", "cut-and-ramp"

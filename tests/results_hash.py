@@ -42,7 +42,7 @@ from studies.core.controllers import is_hosted
 from studies.core.job import Job, simulate_job
 from studies.core.statement import VERDICTS, Statement
 from studies.core.union import MEASURED
-from studies.logs.export import write_log
+from studies.logs.simulated import write_log
 from studies.scenario.loading import load_scenario, shipped_scenarios
 from studies.slides.ensemble_study import Effort
 from tests.paper_figs import small_figures

@@ -15,11 +15,10 @@ from studies.files.writable import FIGURE, check_file, check_place, make_folder
 
 if TYPE_CHECKING:
     from alloc.estimation.slip_events import SlipCriterion
-    from studies.logs.gradients import GradientLine
-    from studies.logs.known_train import MeasuredTrain
     from studies.logs.mapping import Mapping
     from studies.logs.measured_log import MeasuredLog
     from studies.logs.measured_run import Findings
+    from studies.logs.train import GradientLine, MeasuredTrain
 
 SLIP_KMH, SLIP_PERCENT = 0.72, 5.0
 """Slip velocity and share of the speed from which on an axle slips."""
@@ -107,10 +106,9 @@ def analyse(
     """
     from alloc.estimation.slip_events import SlipCriterion
     from alloc.sources import write_whole
-    from studies.logs.event_list import write_events
-    from studies.logs.gradients import read_gradients
     from studies.logs.mapping import read_mapping
-    from studies.logs.measured_train import read_log_train
+    from studies.logs.report_tables import write_events
+    from studies.logs.train import read_gradients, read_log_train
 
     for name, value in (("--slip-kmh", slip_kmh), ("--slip-percent", slip_percent)):
         if not 0.0 < value < float("inf"):
@@ -156,8 +154,8 @@ def _write_draft(log: Path, train: str, path: Path) -> None:
     """Write the draft of a mapping file; raises `StudyError` where there is a file, which somebody may have corrected."""
     from alloc.sources import write_whole
     from studies.logs.mapping import draft_text
-    from studies.logs.measured_train import read_log_train
     from studies.logs.recorder_files import read_recording
+    from studies.logs.train import read_log_train
 
     if path.exists():
         raise StudyError(f"--map {str(path)!r}: is there already; name another, or delete it")
@@ -208,15 +206,15 @@ def _more(measured: "MeasuredLog", found: "Findings", setting: _Setting) -> dict
     """What was asked for beyond slips."""
     wanted: dict[str, Any] = {}
     if setting.further.brakes:
-        from studies.logs.brake_report import brake_report
+        from studies.logs.force_reports import brake_report
 
         wanted["brakes"] = brake_report(measured)
     if setting.further.resistance:
-        from studies.logs.resistance_report import resistance_report
+        from studies.logs.force_reports import resistance_report
 
         wanted["resistance"] = resistance_report(measured, setting.line)
     if setting.further.against is not None:
-        from studies.logs.comparison import compared, simulated_log
+        from studies.logs.simulated import compared, simulated_log
 
         other = simulated_log(setting.further.against, measured.train)
         wanted["comparison"] = compared(measured, found, other, setting.criterion)

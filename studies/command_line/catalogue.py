@@ -10,7 +10,7 @@ from alloc.rules import RULES
 from studies.core.collection import all_studies
 from studies.core.gallery import gallery
 from studies.lines.named_files import LINES, TRAINS, shipped
-from studies.logs.columns import column_names
+from studies.logs.mapping import column_names
 from studies.scenario.loading import SCENARIOS, load_scenario
 
 

@@ -54,7 +54,7 @@ def simulate(
     from studies.comparison.defaults import check_names
     from studies.core.job import Job, simulate_job
     from studies.core.own_parts import try_parts
-    from studies.logs.export import train_beside, write_log
+    from studies.logs.simulated import train_beside, write_log
     from studies.scenario.loading import load_scenario
 
     chosen = load_scenario(scenario)

@@ -160,11 +160,6 @@ def stamped(table: pd.DataFrame) -> pd.DataFrame:
     return table.drop(columns="time_s").assign(timestamp=stamps)
 
 
-def single_epoch(table: pd.DataFrame) -> pd.DataFrame:
-    """Seconds since 1970 in single precision: one value for two minutes."""
-    return table.assign(time_s=(table["time_s"] + 1_774_745_990.0).astype(np.float32))
-
-
 def reversed_signs(table: pd.DataFrame) -> pd.DataFrame:
     """A train whose recorder counts speeds backwards."""
     return table.assign(**{name: -table[name] for name in speeds_of(table)})

@@ -10,8 +10,8 @@ import pandas as pd
 import xarray as xr
 
 from studies.log_accuracy import defects as spoil
-from studies.logs.columns import column_of
-from studies.logs.known_train import MeasuredTrain
+from studies.logs.mapping import column_of
+from studies.logs.train import MeasuredTrain
 
 Generator = np.random.Generator
 

@@ -18,11 +18,11 @@ from studies.files.study_error import StudyError
 from studies.ladder.events import scenario as drawn_start
 from studies.log_accuracy.drawn_defects import DEFECTS, Defect, Logged
 from studies.log_accuracy.forms import FORMS
-from studies.logs.export import log_table, rounded
-from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import MeasuredLog, read_log
 from studies.logs.measured_run import Findings, analyse_run
-from studies.logs.open_questions import fit_remarks, withheld
+from studies.logs.report import fit_remarks, withheld
+from studies.logs.simulated import log_table, rounded
+from studies.logs.train import MeasuredTrain
 from studies.scenario.loading import shipped_scenario
 from studies.wsp_acceptance.events import CURVES, stop_of
 

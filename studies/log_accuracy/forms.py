@@ -12,7 +12,7 @@ import pandas as pd
 from studies.log_accuracy.defects import by_rpm, names_of, reversed_signs, stamped
 
 Write = Callable[[pd.DataFrame, np.ndarray, Path], Path]
-"""Writes a table with the columns of `studies.logs.columns` to a path without an ending; the wheels' radii [m] are second.
+"""Writes a table with the columns of `studies.logs.mapping` to a path without an ending; the wheels' radii [m] are second.
 Returns the file's path."""
 
 GERMAN = {

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.series import spans, usual_period
-from studies.logs.car_speeds import speeds_against_train
-from studies.logs.known_train import MeasuredTrain
+from alloc.estimation.series import excerpt, spans, usual_period
+from studies.logs.channels import FEWEST_ROWS
 from studies.logs.own_samples import BRIDGED, Samples, at
 from studies.logs.remarks import Remark, faulty
+from studies.logs.train import MeasuredTrain
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -397,3 +397,104 @@ def bring_together(log: Log, v: Floats, names: dict[int, str]) -> bool:
     )
     log.remarks.append(Remark("delay", names.get(int(which[0]) - 1, "axleN_speed"), text))
     return True
+
+
+FORGOTTEN = 60.0
+"""Time [s] within which an error of an acceleration is forgotten, and with it that slack was run out: less would make wheels
+that pull slip by that way again."""
+UNSURE, UNKNOWN = 0.0015, 0.003
+"""Standard deviation of the mean speed of a car over a start of 15 s [m/s], by accelerations at 10 ms, and by the train's
+speed in its place: some 2 and 4 cm of slack."""
+SLOWEST = 0.05
+"""Time between two instants [s] above which the impacts that run slack out are missed."""
+
+
+def speeds_against_train(
+    time: Floats, part: NDArray[np.int64], rate: Floats, mass: Floats
+) -> Floats:
+    """Speed of each car less the train's [m/s], (instants, cars); nan where a car's acceleration lacks in a part.
+
+    `rate` (instants, cars) [m/s2], `mass` (cars,) [kg].
+    """
+    from scipy.signal import lfilter  # slow to import, and needed for coupled trains alone
+
+    apart = rate - (rate @ mass / mass.sum())[:, None]
+    own = np.full(apart.shape, np.nan)
+    if usual_period(time) > SLOWEST:
+        return own
+    for number in np.unique(part):
+        inside = part == number
+        if inside.sum() < 2 or not np.isfinite(apart[inside]).all():
+            continue
+        step = usual_period(time[inside])
+        values = apart[inside] - apart[inside].mean(axis=0)
+        gained = np.zeros(values.shape)
+        gained[1:] = 0.5 * (values[1:] + values[:-1]) * step
+        own[inside] = lfilter([1.0], [1.0, -np.exp(-step / FORGOTTEN)], gained, axis=0)
+    return own
+
+
+COARSE = 0.25
+"""Sampling period [s] above which slips are missed."""
+CONSTANT_TIME = 10.0
+"""Time [s] for which a measured force never is exactly constant."""
+OTHER_UNIT = 1.5
+"""Factor between two speeds from which on their units differ: less than that between miles and kilometres."""
+
+
+def check_instants(time: Floats) -> list[Remark]:
+    """Gaps and uneven or coarse sampling of the common instants."""
+    step = np.diff(time)
+    period = float(np.median(step))
+    wide = step > max(1.5 * period, BRIDGED)
+    gaps = np.flatnonzero(wide)
+    remarks = [
+        Remark(
+            "gap", "time", f"gap of {step[k]:.4g} s from {time[k]:.6g} s to {time[k + 1]:.6g} s",
+            int(k) + 1, float(time[k]),
+        )
+        for k in gaps
+    ]  # fmt: skip
+    near = step[~wide]
+    uneven = np.abs(near / period - 1.0) > 0.1
+    if uneven.size and uneven.mean() > 0.01:
+        remarks.append(
+            Remark(
+                "sampling", "time",
+                f"uneven sampling: {100.0 * uneven.mean():.0f} % of the steps differ from {period:.4g} s by more than "
+                f"10 % ({near.min():.4g} to {near.max():.4g} s); the times are used as they are",
+            )
+        )  # fmt: skip
+    if period > COARSE:
+        text = f"wheels every {period:.4g} s: short slips are missed"
+        remarks.append(Remark("sampling", "time", text))
+    return remarks
+
+
+def check_constant(name: str, force: Floats, time: Floats) -> list[Remark]:
+    """Whether a force has one and the same value, not zero, all the time."""
+    if force.size == 0 or force[0] == 0.0 or not np.all(force == force[0]):
+        return []
+    if time[-1] - time[0] < CONSTANT_TIME:
+        return []
+    return [Remark("stuck", name, "the same value all the time: a dead channel, or a set value?")]
+
+
+def check_ratio(name: str, rim: Floats, train_name: str, speed: Floats, source: str) -> None:
+    """Raise where wheels and train differ all the time by a factor that no slip has: that between two units."""
+    moving = np.isfinite(rim) & np.isfinite(speed) & (speed > 2.0)
+    if moving.sum() < FEWEST_ROWS:
+        return
+    low, middle, high = np.quantile(excerpt(rim[moving] / speed[moving]), (0.25, 0.5, 0.75))
+    if high - low >= 0.1 * middle or 1.0 / OTHER_UNIT < middle < OTHER_UNIT:
+        return
+    known = any(abs(middle / factor - 1.0) < 0.08 for factor in (3.6, 1.0 / 3.6))
+    reason = (
+        "km/h and m/s are mixed up"
+        if known
+        else "their units do not agree; say them in a mapping file"
+    )
+    raise faulty(
+        source, name, None,
+        f"{middle:.3g} times the train's speed in column {train_name!r} all the time: {reason}",
+    )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The channels of a log: which column is what, the clock of its rows, and each one's own samples in SI units."""
+"""The values of a log's channels in SI units, on their own instants: numbers checked, signs and units that nobody stated."""
 
 from dataclasses import dataclass, field
 
@@ -6,16 +6,63 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.series import spans
-from studies.logs.channel_values import carried, forwards, numbers
 from studies.logs.clock import Clock, read_clock
-from studies.logs.columns import QUANTITIES, SHARED, Assigned, near_column
-from studies.logs.known_train import MeasuredTrain
-from studies.logs.mapping import Mapping, assigned, draft
-from studies.logs.own_samples import BRIDGED, WORDS, Samples, own_samples
+from studies.logs.mapping import QUANTITIES, SHARED, Assigned, Mapping, assigned, draft, near_column
+from studies.logs.own_samples import BRIDGED, WORDS, Samples, numbers, own_samples, pulse_step
 from studies.logs.recorder_files import Recording
 from studies.logs.remarks import NAMED, Faulty, Remark, faulty
+from studies.logs.train import MeasuredTrain
 
 Floats = NDArray[np.float64]
+
+FASTEST = 160.0
+"""Speed [m/s] that no train on wheels has exceeded in service or on test."""
+BACKWARDS = -2.0
+"""Speed [m/s] down to which a negative one passes: noise at standstill, or a train that rolls back."""
+IMPLAUSIBLE = 0.01
+"""Share of the values of a channel that may be impossible, and are left out."""
+LARGEST_COEFFICIENT = 1.0
+"""Force over axle load that no wheel on a rail carries (dry rail: 0.3 to 0.6)."""
+MOVING = 1.0
+"""Speed [m/s] above which a speed has a sign."""
+
+
+def forwards(name: str, speed: Floats, source: str) -> tuple[Floats, list[Remark]]:
+    """A speed [m/s] that counts forwards, and what was done to it; raises for speeds that no train has."""
+    remarks = []
+    moving = np.isfinite(speed) & (np.abs(speed) > MOVING)
+    if moving.any() and np.mean(speed[moving] < 0.0) > 0.98:
+        speed = -speed
+        remarks.append(Remark("sign", name, "negative all the time: the direction is turned round"))
+    backwards = speed < BACKWARDS
+    if backwards.any():
+        # one pulse back in a row is no speed: the wheel rolls back a little
+        backwards = speed < BACKWARDS - pulse_step(speed[np.isfinite(speed)])
+    for bad, reason in (
+        (speed > FASTEST, "m/s is faster than any train; wrong unit?"),
+        (backwards, "m/s is negative; speeds count forwards, whichever way the train runs"),
+    ):
+        rows = np.flatnonzero(bad)
+        if rows.size > IMPLAUSIBLE * speed.size:
+            raise faulty(source, name, int(rows[0]) + 1, f"{speed[rows[0]]:.4g} {reason}")
+        if rows.size:
+            speed = np.where(bad, np.nan, speed)
+            text = f"{rows.size} value{'s' if rows.size > 1 else ''} that no train has left out"
+            remarks.append(Remark("faulty", name, text, int(rows[0]) + 1))
+    return speed, remarks
+
+
+def carried(name: str, force: Floats, load: float) -> tuple[Floats, list[Remark]]:
+    """A force at the rim [N] without single values that no axle load [N] carries; where many are, its unit is wrong."""
+    bad = np.abs(force) > LARGEST_COEFFICIENT * load
+    rows = np.flatnonzero(bad)
+    if rows.size == 0:
+        return force, []
+    if rows.size > IMPLAUSIBLE * force.size:
+        return force, []
+    text = f"{rows.size} value{'s' if rows.size > 1 else ''} beyond the axle load left out"
+    return np.where(bad, np.nan, force), [Remark("faulty", name, text, int(rows[0]) + 1)]
+
 
 FEWEST_ROWS = 10
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from studies.logs.columns import factor
+from studies.logs.mapping import factor
 from studies.logs.recorder_files import numbers_of
 from studies.logs.remarks import Remark, faulty
 
@@ -56,8 +56,6 @@ class Clock:
     origin: str
     """What second 0 is, "" where the log does not say."""
     remarks: list[Remark]
-    known: bool = True
-    """Whether the period is known; if not it is 1 s until somebody concludes it."""
 
     def of(self, values: NDArray[Any]) -> NDArray[Any]:
         """The values of a channel in the order of `time`."""
@@ -88,9 +86,10 @@ def read_clock(
         step = np.diff(seconds)
     unsure = single or _of_single_precision(seconds)
     if step.size and np.mean(step == 0.0) > SHARED:
-        seconds, known, text = _spread(seconds, period)
-        remarks.append(Remark("time", name, text))
-        return Clock(seconds, rows, origin, remarks, known)
+        spread, text = _spread(seconds, period)
+        if spread is None:
+            raise faulty(source, name, None, text)
+        return Clock(spread, rows, origin, [*remarks, Remark("time", name, text)])
     back = np.flatnonzero(step < 0.0)
     if 0 < back.size <= MOST_SETTINGS:
         seconds, told = _set_back(seconds, back, name)
@@ -220,8 +219,8 @@ def _of_single_precision(seconds: Floats) -> bool:
     return bool(np.array_equal(seconds, seconds.astype(np.float32)) and seconds.size > 2)
 
 
-def _spread(seconds: Floats, period: float | None) -> tuple[Floats, bool, str]:
-    """Instants of rows of which many share a time stamp, whether their period is known, and what was done."""
+def _spread(seconds: Floats, period: float | None) -> tuple[Floats | None, str]:
+    """Instants of rows of which many share a time stamp, and what was done; None, and why, where their period is unknown."""
     change = np.flatnonzero(np.diff(seconds)) + 1
     index = np.arange(seconds.size, dtype=float)
     if period is None and change.size >= FEWEST_STAMPS - 1:
@@ -229,14 +228,14 @@ def _spread(seconds: Floats, period: float | None) -> tuple[Floats, bool, str]:
         rows = change[-1] - change[0]
         period = float((seconds[change[-1]] - seconds[change[0]]) / rows) if rows else None
     if period is None:
-        text = f"{seconds.size} rows have {change.size + 1} different time stamps: their period must be concluded"
-        return index, False, text
+        text = f"{change.size + 1} different time stamps in {seconds.size} rows do not tell their period"
+        return None, f"{text}; give period_s in a mapping file"
     told = period
     near = min(PERIODS, key=lambda p: abs(np.log(p / told)))
     if abs(near / period - 1.0) < 0.01:
         period = near
     text = f"{seconds.size} rows have {change.size + 1} different time stamps: spread evenly, {period:.6g} s apart"
-    return index * period, True, text
+    return index * period, text
 
 
 def _evened(seconds: Floats) -> tuple[Floats, str]:

@@ -10,19 +10,23 @@ from numpy.typing import NDArray
 from alloc.display import displayed
 from alloc.estimation.series import usual_period
 from alloc.plant.laws import GRAVITY
-from studies.logs import checks
-from studies.logs.aligned_log import Log, open_log, parts_of
-from studies.logs.channels import Channels, open_channels
+from studies.logs.aligned_log import (
+    Log,
+    check_constant,
+    check_instants,
+    check_ratio,
+    open_log,
+    parts_of,
+)
+from studies.logs.channels import FEWEST_ROWS, Channels, open_channels
 from studies.logs.estimator import estimate
-from studies.logs.gradients import GradientLine
-from studies.logs.known_train import MeasuredTrain
 from studies.logs.mapping import Mapping
 from studies.logs.measured_run import Delay, MeasuredRun, SpeedSource
 from studies.logs.motion_fit import Fit
 from studies.logs.own_samples import BRIDGED, WORDS, Samples, at, of_counter, own_samples, smoothed
-from studies.logs.period import conclude_period
 from studies.logs.recorder_files import Recording, read_recording, recording_of
 from studies.logs.remarks import Remark, faulty
+from studies.logs.train import GradientLine, MeasuredTrain
 
 Floats = NDArray[np.float64]
 
@@ -89,8 +93,6 @@ def measured(
     if mapping is not None:
         train = mapping.train(train, owner)
     channels = open_channels(recording, train, mapping, owner)
-    if channels.clock is not None and not channels.clock.known:
-        conclude_period(channels)
     remarks = channels.remarks
     told = None if mapping is None else mapping.at_contact
     rates = _all_of(channels, "carK_acceleration", train.car_mass.size)
@@ -101,7 +103,7 @@ def measured(
         grade = line.along(position, log.time, log.guess())
     if grade is not None:
         log.uphill = GRAVITY * np.nan_to_num(grade)
-    remarks += checks.check_instants(log.time[~log.lost])
+    remarks += check_instants(log.time[~log.lost])
     remarks += _lacking(train, names, channels)
     found = estimate(log, names, recording.source, told)
     log = found.log
@@ -163,19 +165,19 @@ def _opened(channels: Channels, rates: list[Samples]) -> tuple[dict[int, str], L
     for i, w in wheels.items():
         if w.span > 0.0 and w.kind != "quantised":
             remarks.append(Remark("sampling", names[i], WORDS[w.kind].format(span=w.span)))
-    if max(w.time.size for w in wheels.values()) < checks.FEWEST_ROWS:
-        text = f"fewer than {checks.FEWEST_ROWS} instants of wheels; give more to be analysed"
+    if max(w.time.size for w in wheels.values()) < FEWEST_ROWS:
+        text = f"fewer than {FEWEST_ROWS} instants of wheels; give more to be analysed"
         raise faulty(channels.source, "axleN_speed", None, text)
     if speed is not None and speed.time.size > 1:
         of_train = channels.assigned["speed", 0].column
         _note_left_out(speed, of_train, remarks)
         for i, w in wheels.items():
             guess = np.interp(w.time, speed.time, speed.value)
-            checks.check_ratio(names[i], w.value, of_train, guess, channels.source)
+            check_ratio(names[i], w.value, of_train, guess, channels.source)
     forces = {n - 1: channels.force(n) for n in channels.numbers_of("effort")}
     for i, samples in forces.items():
         name = channels.assigned["effort", i + 1].column
-        remarks += checks.check_constant(name, samples.value, samples.time)
+        remarks += check_constant(name, samples.value, samples.time)
     for car in channels.numbers_of("carK_pressure"):
         one = channels.assigned["carK_pressure", car]
         if one.newton_per_pascal is None:

@@ -7,13 +7,15 @@ the slope of the way over `SPAN`. A rounded speed is known as it changes, in the
 """
 
 import math
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from alloc.estimation.series import excerpt, spans, usual_period
+from studies.logs.recorder_files import numbers_of
+from studies.logs.remarks import NAMED, Remark, faulty
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -46,6 +48,16 @@ AWAY, MOST_AWAY = 0.8, 0.2
 """Jump there and back [m/s] of a value that is none, and share of such values above which none is left out."""
 
 
+FEWEST_NUMBERS = 20
+"""Values of a channel from which on one that stands for none can be told."""
+MOST_STAND_INS = 0.3
+"""Share of the values of a channel that one may be, if it stands for none."""
+FAR = 2.0
+"""Distance of such a value from all others, in their range and in their size."""
+STAND_INS = (9999.0, 99999.0, 999.0, 999.9, 9999.9, 32767.0, 32768.0, 65535.0)
+"""Sizes of values that recorders write for none; such a one counts even if it is there once, or alone differs."""
+
+
 class Samples(NamedTuple):
     """Own samples of a channel, without nan, (samples,) each."""
 
@@ -63,6 +75,73 @@ class Samples(NamedTuple):
     """Of a rounded one: instants and values of its rows, and its step."""
     left_out: Numbers = np.zeros(0, dtype=np.int64)
     """Rows with single values from which it would have to jump back."""
+
+
+def numbers(values: NDArray[Any], name: str, source: str) -> tuple[Floats, list[Remark]]:
+    """Values as numbers, and remarks; empty cells, words and infinite ones are nan. Raises for other texts."""
+    remarks = []
+    if values.dtype.kind == "b":
+        raise faulty(source, name, 1, f"{str(values[0])!r} is not a number")
+    if values.dtype.kind not in "iuf":
+        found = numbers_of(values)
+        if found.wrong is not None or np.isnan(found.values).all():
+            row = found.wrong or 0
+            raise faulty(source, name, row + 1, f"{str(values[row])!r} is not a number")
+        values = found.values
+        if found.words:
+            words = ", ".join(repr(word) for word, _ in found.words.most_common(NAMED))
+            text = f"{words} in {found.words.total()} rows: no value"
+            remarks.append(Remark("missing", name, text))
+    numbers = values.astype(np.float64, copy=False)
+    infinite = np.flatnonzero(np.isinf(numbers))
+    if infinite.size:
+        numbers = np.where(np.isinf(numbers), np.nan, numbers)
+        text = f"infinite in {infinite.size} rows: no value"
+        remarks.append(Remark("missing", name, text, int(infinite[0]) + 1))
+    stands_for_none = _in_place_of_none(numbers)
+    if stands_for_none:
+        for value in stands_for_none:
+            alike = numbers == value
+            text = f"{value:g} in {int(alike.sum())} rows, far from all others: no value"
+            remarks.append(Remark("missing", name, text, int(np.flatnonzero(alike)[0]) + 1))
+            numbers = np.where(alike, np.nan, numbers)
+    return numbers, remarks
+
+
+def _in_place_of_none(values: Floats) -> list[float]:
+    """Numbers such as -9999 that stand for no value: an end of the range, far from all others, again and again."""
+    found: list[float] = []
+    known = values[np.isfinite(values)]
+    for _ in range(2):
+        if known.size < FEWEST_NUMBERS:
+            break
+        some = excerpt(known)
+        for end in (float(known.min()), float(known.max())):
+            if not _is_far(end, some[some != end]):  # nor is it from all others
+                continue
+            others = known[known != end]
+            times = known.size - others.size
+            usual = abs(end) in STAND_INS
+            least = 1 if usual else 2
+            if not least <= times <= MOST_STAND_INS * known.size:
+                continue
+            if not usual and np.unique(others[:FEWEST_NUMBERS]).size < 2:
+                continue
+            if _is_far(end, others):
+                found.append(end)
+                known = others
+                break
+        else:
+            break
+    return found
+
+
+def _is_far(end: float, others: Floats) -> bool:
+    """Whether an end of a range is far from all others, in their range and in their size; true where there are none."""
+    if others.size == 0:
+        return True
+    apart = np.abs(others - end).min()
+    return bool(apart / FAR > max(np.ptp(others), np.abs(others).max()))
 
 
 def own_samples(time: Floats, values: Floats, speed: bool = False, counts: bool = False) -> Samples:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from studies.logs.car_speeds import FORGOTTEN, speeds_against_train
+from studies.logs.aligned_log import FORGOTTEN, speeds_against_train
 
 TIME = 0.01 * np.arange(1500)
 WHOLE = np.zeros(TIME.size, dtype=np.int64)

@@ -33,9 +33,9 @@ from studies.core.job import Job, simulate_job
 from studies.core.runner import run_cells
 from studies.core.store import Store
 from studies.lines.line_run import run_line
-from studies.logs.export import log_table
 from studies.logs.measured_log import check_log
 from studies.logs.measured_run import MeasuredTrain, analyse_run
+from studies.logs.simulated import log_table
 from studies.readhesion_paper.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper.paper import CALIBRATED, RIVAL, run_cases
 from studies.report.replay import drawing

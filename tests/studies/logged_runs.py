@@ -14,13 +14,12 @@ from alloc.simulation import simulate
 from studies.blended.events import scenario as drawn_stop
 from studies.core.job import Job, simulate_job
 from studies.ladder.events import scenario as drawn_start
-from studies.logs.columns import column_of
-from studies.logs.export import log_table, rounded
-from studies.logs.known_train import MeasuredTrain
-from studies.logs.mapping import Mapping
+from studies.logs.mapping import Mapping, column_of
 from studies.logs.measured_log import MeasuredLog, check_log
 from studies.logs.measured_run import Findings, analyse_run
-from studies.logs.open_questions import fit_remarks
+from studies.logs.report import fit_remarks
+from studies.logs.simulated import log_table, rounded
+from studies.logs.train import MeasuredTrain
 from studies.scenario.loading import load_scenario
 from studies.wsp_acceptance.events import stop_of
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering

@@ -763,7 +763,7 @@ def test_no_number_key_takes_what_is_no_number_or_ends_in_a_traceback():
 def test_files_with_blanks_and_byte_order_marks_work(place, monkeypatch):
     from studies.lines.real_input import with_real_input
     from studies.logs.measured_log import read_log
-    from studies.logs.measured_train import read_log_train
+    from studies.logs.train import read_log_train
     from studies.scenario.loading import load_scenario
 
     mark = b"\xef\xbb\xbf"

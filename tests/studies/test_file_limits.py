@@ -22,8 +22,8 @@ from studies.files.limits import VARIABLE, Limits
 from studies.files.strict import read_toml
 from studies.files.study_error import StudyError
 from studies.files.writable import as_csv
-from studies.logs.event_list import COLUMNS, write_events
 from studies.logs.recorder_files import read_recording
+from studies.logs.report_tables import COLUMNS, write_events
 from studies.railtoolkit.reading import read_train
 
 READ = """
@@ -31,7 +31,7 @@ import resource, sys, warnings
 from pathlib import Path
 import pyarrow.compute
 from studies.files.strict import read_toml
-from studies.logs.comparison import recorded_run
+from studies.logs.simulated import recorded_run
 from studies.logs.recorder_files import read_recording
 from studies.railtoolkit.reading import read_train
 

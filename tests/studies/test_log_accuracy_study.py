@@ -12,10 +12,10 @@ from studies.log_accuracy.drawn_logs import CLEAN, PLAIN, rows_of
 from studies.log_accuracy.forms import FORMS
 from studies.log_accuracy.statements import log_accuracy_statements
 from studies.log_accuracy.study import LOG_ACCURACY
-from studies.logs.export import log_table, rounded
-from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import read_log
 from studies.logs.measured_run import analyse_run
+from studies.logs.simulated import log_table, rounded
+from studies.logs.train import MeasuredTrain
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, readhering
 
 

@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 from alloc.recording import save
-from studies.logs.export import write_log
 from studies.logs.remarks import MOST
+from studies.logs.simulated import write_log
 from tests.simulation.slides import TRAIN, braked, readhering
 
 

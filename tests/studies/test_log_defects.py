@@ -8,9 +8,9 @@ import pytest
 
 from alloc.estimation.slip_events import SMALL
 from studies.log_accuracy import defects as spoil
-from studies.logs.channel_values import forwards
+from studies.logs.channels import forwards
 from studies.logs.mapping import Mapping
-from studies.logs.open_questions import fit_remarks
+from studies.logs.report import fit_remarks
 from tests.studies.logged_runs import Logged, at_contact, clean, logged, misread, said
 
 Change = Callable[[Logged], pd.DataFrame]
@@ -102,7 +102,6 @@ DEFECTS: dict[str, tuple[Change, str, str, dict[str, float]]] = {
         plain(lambda t: spoil.rear_late(t, 0.3)), "driven", "axles 17 to 32 are recorded 0.3", {"share": 0.08},
     ),
     "half of the axles late in a slide": (plain(lambda t: spoil.rear_late(t, 0.15)), "long stop", "", {"slips": 14}),
-    "epoch": (plain(spoil.single_epoch), "driven", "", {}),
     "past midnight": (plain(lambda t: t.assign(time_s=(86397.0 + t["time_s"]) % 86400.0)), "driven", "", {}),
     "a row twice": (plain(spoil.repeated_row), "driven", "", {}),
     "clock set back": (

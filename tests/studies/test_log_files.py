@@ -10,13 +10,12 @@ from scipy.io import savemat
 
 from studies.files.study_error import StudyError
 from studies.logs.channels import open_channels
-from studies.logs.gradients import GradientLine
-from studies.logs.known_train import MeasuredTrain
 from studies.logs.mapping import Mapping, draft_text, read_mapping
 from studies.logs.measured_log import check_log, read_log
 from studies.logs.measured_run import analyse_run
 from studies.logs.recorder_files import READERS, read_recording
 from studies.logs.remarks import MOST, grouped
+from studies.logs.train import GradientLine, MeasuredTrain
 from tests.studies.test_measured_log import TRAIN, make_table
 
 TABLE = make_table()
@@ -231,7 +230,7 @@ def test_a_faulty_mapping_is_refused_in_one_sentence(tmp_path):
 
 def test_a_log_of_another_train_says_so_by_number(tmp_path, call):
     """Experiment of issue 39: half of a train's axles gave a negative Q."""
-    from studies.logs.export import write_log
+    from studies.logs.simulated import write_log
     from tests.simulation.slides import TRAIN as THREE_CARS
     from tests.simulation.slides import braked, readhering
 
@@ -284,8 +283,6 @@ def times() -> dict[str, pd.Series]:
         "seconds": at.dt.strftime("%Y-%m-%d %H:%M:%S"), "clock": at.dt.strftime("%H:%M:%S.%f"),
         "datetime.parquet": at, "epoch": TABLE["time_s"] + 1.774e9,
         "milliseconds": np.round(1e3 * (TABLE["time_s"] + 1.774e9)).astype(np.int64),
-        "single": (TABLE["time_s"] + 1.774e9).astype(np.float32),
-        "single.parquet": (TABLE["time_s"] + 1.774e9).astype(np.float32),
     }  # fmt: skip
 
 
@@ -301,6 +298,12 @@ def test_every_clock_gives_the_same_wheel_damage(tmp_path):
         if abs(damage / expected - 1.0) > 2e-3 or len(grouped(log.remarks)) > MOST:
             wrong[kind] = (damage, expected, log.remarks)
     assert not wrong
+    single = TABLE.assign(time_s=(TABLE["time_s"] + 1.774e9).astype(np.float32))
+    single.to_parquet(tmp_path / "single.parquet")
+    with pytest.raises(
+        StudyError, match="do not tell their period; give period_s in a mapping file"
+    ):
+        read_log(tmp_path / "single.parquet", TRAIN)
 
 
 def test_pressure_position_and_a_line_take_part(tmp_path):

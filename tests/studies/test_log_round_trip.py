@@ -16,9 +16,9 @@ from alloc.metrics.registry import SLIP_FACTOR
 from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, Train
 from studies.core.job import Job, simulate_job
-from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import check_log
 from studies.logs.measured_run import Findings, MeasuredTrain, analyse_run
+from studies.logs.simulated import log_table, rounded
 from studies.scenario.loading import load_scenario
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
 

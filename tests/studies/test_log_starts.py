@@ -10,10 +10,10 @@ import pytest
 
 from studies.log_accuracy import defects as spoil
 from studies.logs.aligned_log import find_dead_zone, open_log
-from studies.logs.export import log_table, rounded, write_log
 from studies.logs.measured_log import check_log
 from studies.logs.measured_run import analyse_run
 from studies.logs.own_samples import own_samples
+from studies.logs.simulated import log_table, rounded, write_log
 from tests.studies.logged_runs import Logged, at_contact, clean, logged, misread, said
 from tests.studies.test_measured_log import TRAIN
 

@@ -7,12 +7,11 @@ import pandas as pd
 import pytest
 
 from studies.files.study_error import StudyError
-from studies.logs.channel_values import numbers
-from studies.logs.columns import SI, factor, kinds_of, registry, told_by_names
-from studies.logs.known_train import MeasuredTrain
+from studies.logs.mapping import SI, factor, kinds_of, registry, told_by_names
 from studies.logs.measured_log import read_log
-from studies.logs.own_samples import _gained
+from studies.logs.own_samples import _gained, numbers
 from studies.logs.recorder_files import decimal_of, encoding_of, numbers_of, read_recording
+from studies.logs.train import MeasuredTrain
 from tests.studies.test_log_files import TABLE, TRAIN
 
 NUMBERS = np.random.default_rng(11).normal(0.0, 3000.0, 400)

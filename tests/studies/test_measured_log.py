@@ -11,12 +11,12 @@ import pytest
 from alloc.errors import PlantError
 from alloc.plant.laws import GRAVITY
 from studies.files.study_error import StudyError
-from studies.logs.columns import column_names, parse_column
+from studies.logs.force_reports import resistance_report
+from studies.logs.mapping import column_names, parse_column
 from studies.logs.measured_log import check_log, read_log
 from studies.logs.measured_run import MeasuredTrain, analyse_run
-from studies.logs.measured_train import read_log_train, write_log_train
-from studies.logs.open_questions import fit_remarks
-from studies.logs.resistance_report import resistance_report
+from studies.logs.report import fit_remarks
+from studies.logs.train import read_log_train, write_log_train
 from studies.scenario.train_file import read_train_file
 
 INERTIA, RADIUS = 100.0, 0.43

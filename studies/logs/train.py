@@ -1,42 +1,63 @@
-"""What must be known of the train behind a log: a shipped set, a railtoolkit file, or a small TOML file.
-
-name = "my train"
-
-[[cars]]                       # from the front
-mass_t = 36.2                  # with load
-wheel_radius_mm = 430.0        # or one per axle
-wheel_inertia_kgm2 = [155.0, 155.0, 65.0, 65.0]   # of each wheelset with everything geared to it
-driven = [true, true, false, false]
-axle_load_t = [9.05, 9.05, 9.05, 9.05]            # equal shares of the mass if left out
-
-A train file of a scenario, which has a `formation`, does as well.
-
-The following tables are for logs without the speed over ground, and may be left out. They state the running resistance of
-each car, and the draft gear between the cars, one for each coupler. Without the latter the train counts as rigid.
-
-[[cars]]
-resistance_n = 400.0
-resistance_ns_per_m = 10.0
-resistance_ns2_per_m2 = 2.0
-
-[[couplers]]
-stiffness_n_per_m = 2e7
-damping_ns_per_m = 2e5
-"""
+"""What must be known of a train to analyse its log."""
 
 import json
-from dataclasses import astuple
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from alloc.display import displayed
 from alloc.plant.laws import GRAVITY
+from alloc.plant.model import structure_of
+from alloc.plant.train import Train
 from alloc.sources import write_whole
 from studies.files.strict import Strict, parse, read_toml
-from studies.logs.known_train import MeasuredTrain
 from studies.scenario.train_keys import CouplerKeys
+
+Floats = NDArray[np.float64]
+
+
+@displayed
+@dataclass(frozen=True, eq=False)
+class MeasuredTrain:
+    """Data of a train that are needed to compute forces from its series; axles and cars from the front."""
+
+    name: str
+    car_mass: Floats
+    """With load [kg], (cars,)."""
+    axle_car: NDArray[np.int64]
+    """(axles,)"""
+    axle_load: Floats
+    """At rest [N], (axles,)."""
+    radius: Floats
+    """(axles,) [m]"""
+    inertia: Floats
+    """Of each wheelset with everything geared to it [kg m2], (axles,)."""
+    driven: NDArray[np.bool_]
+    """(axles,)"""
+    resistance: Floats | None = None
+    """Running resistance of each car by powers of the speed [N, N s/m, N s2/m2], (cars, 3); None: not known."""
+    coupler: Floats | None = None
+    """Stiffness, stiffening, damping and slack of each draft gear in SI units, (cars - 1, 4); None: a rigid train."""
+
+    @classmethod
+    def of(cls, train: Train) -> "MeasuredTrain":
+        """The same of a train of the plant."""
+        s, _ = structure_of(train)
+        driven = s.axle_unit >= 0
+        coupler = s.coupler if s.coupler.size else None
+        return cls(
+            train.name, s.car_mass, s.axle_car, s.static_load, s.radius, s.inertia, driven,
+            s.car_resistance, coupler,
+        )  # fmt: skip
+
+    def with_radius(self, radius: Floats) -> "MeasuredTrain":
+        """The same with other wheel radii [m], (axles,)."""
+        return replace(self, radius=radius)
+
 
 Mass = Annotated[float, Field(gt=0.5, lt=500.0)]
 Radius = Annotated[float, Field(ge=200.0, le=800.0)]
@@ -158,3 +179,49 @@ def _keys(names: tuple[str, ...], values: Any) -> list[str]:
 
 def _list(values: Any) -> str:
     return "[" + ", ".join(str(value).lower() for value in values.tolist()) + "]"
+
+
+@dataclass(frozen=True, eq=False)
+class GradientLine:
+    """Rise per run along a line."""
+
+    station: Floats
+    """Where each section begins [m], growing, (sections,)."""
+    rise: Floats
+    """Rise per run of each, (sections,)."""
+    start: float | None = None
+    """Station of the train's front at the first instant [m], where the log has no position."""
+    backwards: bool = False
+    """Whether the train runs against the line's stations."""
+
+    def along(self, position: Floats | None, time: Floats, speed: Floats) -> Floats:
+        """Rise per run where the train is, (instants,), in its own direction.
+
+        `position` [m] of the log; None: the start, and `speed` [m/s] integrated.
+        """
+        if position is None:
+            way = np.zeros(speed.size)
+            v = np.nan_to_num(speed)
+            way[1:] = np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(time))
+            first = self.start if self.start is not None else float(self.station[0])
+            position = first + (-way if self.backwards else way)
+        known = np.isfinite(position)
+        place = np.interp(time, time[known], position[known])
+        section = np.clip(
+            np.searchsorted(self.station, place, "right") - 1, 0, self.station.size - 1
+        )
+        sign = -1.0 if self.backwards else 1.0
+        moved = place[-1] - place[0]
+        if self.start is None and abs(moved) > 1.0:
+            sign = float(np.sign(moved))
+        return np.asarray(sign * self.rise[section])
+
+
+def read_gradients(path: Path, start: float | None = None) -> GradientLine:
+    """The gradients of a railtoolkit running path; raises `StudyError` where it cannot be read."""
+    from studies.railtoolkit.reading import read_path
+
+    found = read_path(path)
+    station = np.array([section.start for section in found.sections], dtype=float)
+    rise = np.array([section.grade for section in found.sections], dtype=float)
+    return GradientLine(station, rise, start)
