@@ -73,7 +73,7 @@ $(BENCH): $(STAMP)
 bench: $(BENCH)      ## run the benchmarks; fails where a ratio grew by a fifth
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only -p no:xdist
 
-bench-keep: setup    ## measure the ratios of docs/benchmarks.md and add them there
+bench-keep: setup    ## measure the ratios of docs/results/benchmarks.md and add them there
 	READHESION_KEEP_BENCHMARKS=1 $(BIN)/python -m pytest tests/benchmarks/test_history.py --benchmark-enable -p no:xdist
 
 keys: setup          ## write docs/keys.md, the reference of all keys of files

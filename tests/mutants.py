@@ -39,7 +39,7 @@ FOLDERS = [*(f"alloc/{one}" for one in ("rules", "metrics", "onboard", "plant"))
 TESTS = ["rules", "metrics", "onboard", "uncompiled", "mpc", "plant", "estimation"]
 LOOP_TESTS = ["simulation", "studies", "paper_figs"]
 """Folders of tests that are used; the second in compiled mode alone, for the loop as plain Python takes too long."""
-STORED, PAGE = ROOT / "docs/mutants.csv", ROOT / "docs/mutants.md"
+STORED, PAGE = ROOT / "docs/mutants.csv", ROOT / "docs/results/mutants.md"
 MARK = "<!-- what follows is written by `python -m tests.mutants page` -->"
 MAPS = ROOT / "build/mutants"
 """What was measured of each file of tests, by its content."""

@@ -1,7 +1,7 @@
 """Numbers of README and docs: what each is computed from, what is stored of it, and whether a page still says so.
 
 `docs/numbers.toml` names the numbers, `docs/results` keeps what was computed, `docs/tables` has the tables that are made of
-it, and `docs/numbers.md` explains them. Tests compare pages, tables, manifest and stored values. `python -m tests.numbers
+it, and `docs/developing.md` explains them. Tests compare pages, tables, manifest and stored values. `python -m tests.numbers
 compute STUDY` computes a study's values again, stores them, and writes tables and sentences.
 """
 

@@ -304,7 +304,7 @@ def asked_ways(parts: Sequence[str]) -> list[Way]:
 def measured(events: int, seed: int, solver: Sequence[str] = ()) -> pd.DataFrame:
     """Rows of `table` for drawn events, and each way's greatest difference of the share used in an event, `apart`.
 
-    What `docs/numbers.toml` takes the numbers of docs/mpc-peers.md from.
+    What `docs/numbers.toml` takes the numbers of docs/mpc.md from.
     """
     runs = run_ways(asked_ways(solver), [drawn_event(seed, k) for k in range(events)])
     return table(runs).assign(apart=differences(runs)).reset_index()
@@ -326,7 +326,7 @@ def _events(parser: argparse.ArgumentParser, asked: argparse.Namespace) -> list[
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table of the events asked for, as the page docs/mpc-peers.md has it."""
+    """Print the table of the events asked for, as the page docs/mpc.md has it."""
     parser = argparse.ArgumentParser(
         "closed_loop", description="Solvers as controllers in the closed loop."
     )

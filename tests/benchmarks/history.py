@@ -1,4 +1,4 @@
-"""Ratios of times that a change must not make worse, and their history in `docs/benchmarks.md`.
+"""Ratios of times that a change must not make worse, and their history in `docs/results/benchmarks.md`.
 
 Every way is timed in turn with a yardstick, many short rounds, and the least of each counts: so both met the same machine,
 and its quietest moment. A ratio is compared with the last one of the same processor.
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-PAGE = Path(__file__).parents[2] / "docs" / "benchmarks.md"
+PAGE = Path(__file__).parents[2] / "docs" / "results" / "benchmarks.md"
 COLUMNS = ["date", "processor", "versions", "way", "microseconds", "ratio"]
 GROWTH = 1.2
 """A ratio may grow by this factor from one entry to the next."""

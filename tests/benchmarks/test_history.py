@@ -1,4 +1,4 @@
-"""`make bench` compares ratios with those of `docs/benchmarks.md`; `make bench-keep` adds to it."""
+"""`make bench` compares ratios with those of `docs/results/benchmarks.md`; `make bench-keep` adds to it."""
 
 import os
 
