@@ -88,7 +88,7 @@ class PeakBelief:
 class SlipSearch:
     """Parameters of the search for the best slip, see `mpc.slip_search`.
 
-    Source: tuned on 20 events of `studies.ladder.events` and 12 of `studies.curves` (seed 3000).
+    Source: tuned on 20 events of `studies.ladder.events` and 12 of `studies.ladder.curves_study` (seed 3000).
     """
 
     first: float = quantity(0.08, "km/h")

@@ -39,19 +39,19 @@ from paper_figs.style import (
 )
 from studies.core.drawn_events import complete
 from studies.core.statement import mean_interval
-from studies.curves.statements import CURVES, PAIRS, paired_difference
-from studies.ladder.statements import LADDER, LOCOMOTIVE, YARDSTICKS
-from studies.mismatch.rails import RAILS
-from studies.mismatch.settings import (
+from studies.ladder.curves_study import CURVES, PAIRS, paired_difference
+from studies.ladder.ladder_study import LADDER, LOCOMOTIVE, YARDSTICKS
+from studies.ladder.mismatch_events import (
     DELAYED,
     GIVEN,
     MIDDLE,
     NOISES,
+    RAILS,
     REFERENCE,
     SEARCHER,
     SOUGHT,
 )
-from studies.mismatch.statements import difference
+from studies.ladder.mismatch_study import difference
 
 FEW_OF_LADDER, FEW_OF_CURVES, FEW_OF_MISMATCH = 6, 4, 2
 """Events that are run for a figure where the results have fewer: one or two of each train."""

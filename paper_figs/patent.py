@@ -30,9 +30,7 @@ from paper_figs.style import (
     name_rows,
     new_panels,
 )
-from studies.claims.statements import ARMS, claim_statements, statement_name
-from studies.core.arms import COMPARED
-from studies.core.drawn_events import complete
+from studies.core.drawn_events import COMPARED, complete
 from studies.core.statement import (
     CONDITIONS,
     FAILS,
@@ -42,7 +40,8 @@ from studies.core.statement import (
     Statement,
     Tested,
 )
-from studies.learning.series import SERIES, TOLERANCE
+from studies.patent.claims_study import ARMS, claim_statements, statement_name
+from studies.patent.learning_study import SERIES, TOLERANCE
 
 LOOKS: Mapping[str, Look] = {
     HOLDS: {"color": GREEN, "marker": "o"},

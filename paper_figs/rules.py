@@ -42,9 +42,9 @@ from paper_figs.style import (
 from studies.comparison.summary import REFERENCE, SummaryLine, summarise
 from studies.core.drawn_events import complete
 from studies.core.statement import mean_interval
-from studies.differences.statements import closed_loop
-from studies.headroom.statements import RULES as HEADROOM_RULES
-from studies.headroom.statements import STRATA, gain, in_stratum, pairs_of, rules_of
+from studies.patent.differences_study import closed_loop
+from studies.patent.headroom_study import RULES as HEADROOM_RULES
+from studies.patent.headroom_study import STRATA, gain, in_stratum, pairs_of, rules_of
 
 UNITS, AXLES_PER_UNIT = 8, 4
 EXPECTED = 0.170

@@ -37,8 +37,11 @@ from paper_figs.style import (
     rule_look,
     zero_line,
 )
-from studies.blended.events import CURVES, TRAINS
-from studies.blended.statements import (
+from studies.core.claims import quantity
+from studies.core.drawn_events import Arm
+from studies.core.statement import column_interval, mean_interval
+from studies.stops.blended_events import CURVES, TRAINS
+from studies.stops.blended_study import (
     CONTROLLERS,
     ERROR,
     ESTIMATE,
@@ -49,13 +52,9 @@ from studies.blended.statements import (
     less,
     pairs_of,
 )
-from studies.core.arms import Arm
-from studies.core.claims import quantity
-from studies.core.statement import column_interval, mean_interval
-from studies.sanders.placement import PLACEMENTS, SHARINGS, USUAL
-from studies.sanders.statements import arms
-from studies.sanders.study import CARS, TRIALS
-from studies.sanders.trial import DISTANCES
+from studies.stops.sander_placement import PLACEMENTS, SHARINGS, USUAL
+from studies.stops.sander_trial import DISTANCES
+from studies.stops.sanders_study import CARS, TRIALS, arms
 
 FEW_EVENTS = 2
 """Events that are run for the figure where the results have fewer."""

@@ -149,11 +149,11 @@ class Rail:
     cleaning_spacing: float = 0.1
     """Resolution of the cleaned or sanded rail [m]."""
     sanded_coefficient: float = 0.40
-    """Coefficient to which much sand raises a lower one. Source: calibrated in `studies.sanders.calibration`."""
+    """Coefficient to which much sand raises a lower one. Source: calibrated in `studies.stops.sander_trial`."""
     sand_saturation: float = 35.3e-3
-    """Amount of sand per rail that gives 63 % of this rise [kg/m]. Source: calibrated in `studies.sanders.calibration`."""
+    """Amount of sand per rail that gives 63 % of this rise [kg/m]. Source: calibrated in `studies.stops.sander_trial`."""
     sand_decay: float = 0.0558
-    """Share of the sand that an axle takes off the rail, 0 to 1. Source: calibrated in `studies.sanders.calibration`."""
+    """Share of the sand that an axle takes off the rail, 0 to 1. Source: calibrated in `studies.stops.sander_trial`."""
     presliding: float = 1.5e-4
     """Deflection at which a contact at rest yields, see `alloc.plant.laws` [m]. Source: assumed: a train that is
     held moves by less than a millimetre."""

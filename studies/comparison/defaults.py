@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from alloc.rules import RULES
 from studies.comparison.grid import Grid
-from studies.core.arms import COMPARED
 from studies.core.controllers import check_controller
+from studies.core.drawn_events import COMPARED
 from studies.files.study_error import StudyError, unknown
 from studies.scenario.loading import default_scenarios
 from studies.scenario.scenario import Scenario

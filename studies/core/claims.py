@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, Literal
@@ -28,23 +29,22 @@ from alloc.sources import write_whole
 from studies.core.resampling import resampled
 from studies.core.statement import (
     CONFIDENCE,
-    Interval,
-    Statement,
-    Tested,
-    in_words,
-    mean_interval,
-    share_interval,
-    single,
-)
-from studies.core.verdict import (
     LEAST_EVENTS,
     MET,
+    Interval,
     Met,
+    Statement,
+    Tested,
     agreement,
     decide,
     has_events,
+    in_words,
+    interval_of,
+    mean_interval,
     no_worse,
+    share_interval,
     side,
+    single,
     unmet,
 )
 
@@ -205,8 +205,12 @@ class Claim:
     and where the whole fails it holds with conditions if a part passes."""
     cases: tuple["Claim", ...] = ()
     """Bounds that a conjunction needs beside the mean."""
+    each: str = ""
+    """Column that names events of which each is a case: its own value decides, not the mean over them."""
     some: bool = False
     """Whether it holds with conditions where only some of the cases are met."""
+    alike: bool = False
+    """Whether the cases need the side of the value on which the mean is, whichever that is."""
     besides: tuple["Claim", ...] = ()
     """Bounds that the claim implies: those that fail are conditions."""
     exact: bool = False
@@ -236,7 +240,7 @@ class Claim:
     @property
     def leaves(self) -> tuple["Claim", ...]:
         """Bounds of a conjunction, those that decide first."""
-        return (*((self,) if self.mean else ()), *self.cases, *self.besides)
+        return (*((self,) if self.mean and not self.each else ()), *self.cases, *self.besides)
 
     def bearing(self, events: pd.DataFrame) -> pd.DataFrame:
         """The events that bear on it."""
@@ -263,20 +267,15 @@ def numbers_of(
     events: pd.DataFrame, numbers: Mapping[str, Any], ranges: Ranges = NOTHING
 ) -> dict[str, Interval]:
     """Intervals of the numbers beside a claim; what is no text is a number, a series of events or an interval already."""
-    found = {}
-    for words, one in numbers.items():
-        if isinstance(one, str):
-            found[words] = number(events, one, ranges)
-        elif isinstance(one, pd.Series):
-            found[words] = share_interval(one) if one.dtype == bool else mean_interval(one)
-        else:
-            found[words] = one if isinstance(one, Interval) else single(one)
-    return found
+    return {
+        words: number(events, one, ranges) if isinstance(one, str) else interval_of(one)
+        for words, one in numbers.items()
+    }
 
 
 def how_many(word: str, what: str) -> Callable[[Interval], str]:
     """Puts a share of faults into words: "in 3 of 40 stops"."""
-    return lambda i: f"{word} {round(i.value * i.count)} of {i.count} {what}"
+    return lambda i: f"{word} {round(i.value * i.count) if i.count else 0} of {i.count} {what}"
 
 
 # a conjunction of bounds
@@ -298,6 +297,10 @@ def conjunction(
     by their 95 % intervals, and again on every resample of the events; exact ones by their value. Fewer than `least_events`
     events that bear on a bound are too few. `partly`: with conditions where something that is needed is not met.
     """
+    events = claim.bearing(events)
+    if claim.each:
+        own = zip(events[claim.each].astype(str), claim.values(events).astype(float), strict=True)
+        met = {name: meets(claim, value) for name, value in own} | dict(met)
     leaves = claim.leaves
     needed = len(leaves) - len(claim.besides)
     values = [leaf.values(events) for leaf in leaves]
@@ -306,22 +309,28 @@ def conjunction(
     intervals = [single(0.0) if not leaf.show else share_interval(v) if v.dtype == bool else mean_interval(v)
                  for leaf, v in zip(leaves, values, strict=True)]  # fmt: skip
 
-    def all_met(row: tuple[int, ...]) -> list[Met]:
+    def all_met(row: tuple[int, ...]) -> tuple[list[Met], list[Met]]:
+        if claim.alike:
+            first, *others = row
+            return [first != 0 or None, *(one * first >= 0 for one in others)], [
+                one == first for one in others
+            ]
         found = [MET[one] for one in row]
-        return [*found[:needed], *met.values(), *found[needed:], *further.values()]
+        return [*found[:needed], *met.values()], [*found[needed:], *further.values()]
 
     def verdict(row: tuple[int, ...]) -> str:
-        found = all_met(row)
-        essential, rest = found[: needed + len(met)], found[needed + len(met) :]
+        essential, rest = all_met(row)
         return decide(essential, rest, partly or (claim.some and any(essential)), enough)
 
-    words = [leaf.words(i) for leaf, i in zip(leaves, intervals, strict=True)]
-    words = [*words[:needed], *met, *words[needed:], *further]
-    if claim.mean:  # the statement itself says what is claimed
-        words[0] = claim.show(intervals[0]) if claim.show else ""
-    conditions = [
-        unmet(word, one) for word, one in zip(words, all_met(rows[0]), strict=True) if word and not one
-    ]  # fmt: skip
+    if claim.alike:
+        conditions = _otherwise(leaves, rows[0])
+    else:
+        words = [leaf.words(i) for leaf, i in zip(leaves, intervals, strict=True)]
+        if leaves[:1] == (claim,):  # the statement itself says what is claimed
+            words[0] = claim.show(intervals[0]) if claim.show and len(values[0]) else ""
+        words = [*words[:needed], *met, *words[needed:], *further]
+        found = zip(words, chain(*all_met(rows[0])), strict=True)
+        conditions = [unmet(word, one) for word, one in found if word and not one]
     beside = [leaf.numbers for leaf in leaves if leaf is not claim]
     merged = {words: one for each in (*beside, claim.numbers, numbers) for words, one in each.items()}  # fmt: skip
     random = any(not leaf.exact for leaf in leaves)
@@ -329,6 +338,15 @@ def conjunction(
         claim.name, claim.claim, verdict(rows[0]), numbers_of(events, merged), tuple(conditions), claim.method,
         agreement=agreement(rows, verdict) if random else math.nan,
     )  # fmt: skip
+
+
+def _otherwise(leaves: Sequence[Claim], sides: tuple[int, ...]) -> list[str]:
+    """Conditions where cases are to lie as the first does: those that do not, and how they lie."""
+    words = {1: "more", -1: "less", 0: "neither more nor less"}
+    return [
+        unmet(f"{leaf.name}: {'the other way round' if one * sides[0] < 0 else words[one]}")
+        for leaf, one in zip(leaves, sides, strict=True) if one != sides[0]
+    ]  # fmt: skip
 
 
 def _sides(leaves: Sequence[Claim], values: Sequence["pd.Series[Any]"]) -> list[tuple[int, ...]]:
@@ -497,7 +515,10 @@ FOLDER = "thresholds"
 def decisive(claim: Claim) -> dict[str, Any]:
     """What decides a claim, as plain values: no words, which may become better, and nothing that is as usual."""
     own = ("mean", "side", "value") if claim.mean else ()
-    more = {name: getattr(claim, name) for name in ("tolerance", "only", "parts", "some", "exact")}
+    more = {
+        name: getattr(claim, name)
+        for name in ("tolerance", "only", "parts", "each", "some", "alike", "exact")
+    }
     nested = {name: list(map(decisive, getattr(claim, name))) for name in ("cases", "besides")}
     kept = {name: value for name, value in (more | nested).items() if value}
     return {"name": claim.name} | {name: getattr(claim, name) for name in own} | kept

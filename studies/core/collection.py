@@ -1,9 +1,7 @@
-"""The studies by name: every `Study` of a module named `study` in a folder of its own."""
+"""The studies by name: every `Study` of a module named `study`, or after the study, in a folder of its topic."""
 
-import pkgutil
 from functools import cache
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 import studies
@@ -15,29 +13,34 @@ from studies.files.study_error import unknown
 def all_studies() -> dict[str, Study]:
     """Every study by name, in alphabetical order."""
     found: dict[str, Study] = {}
-    for folder in pkgutil.iter_modules(studies.__path__, "studies."):
-        if folder.ispkg:
-            found |= _studies_of(folder.name)
+    for module in _modules("*/study.py", "*/*_study.py"):
+        found |= _studies_of(module)
     return dict(sorted(found.items()))
 
 
+def _modules(*patterns: str) -> list[str]:
+    """Names of the modules in folders of studies whose files are so called."""
+    return [
+        ".".join(("studies", *path.relative_to(root).with_suffix("").parts))
+        for root in map(Path, studies.__path__)
+        for pattern in patterns
+        for path in root.glob(pattern)
+    ]
+
+
 @cache
-def _studies_of(folder: str) -> dict[str, Study]:
-    found: dict[str, Study] = {}
-    for module in pkgutil.iter_modules(import_module(folder).__path__, f"{folder}."):
-        if module.name.endswith((".study", "_study")):
-            values = vars(import_module(module.name)).values()
-            found |= {one.name: one for one in values if isinstance(one, Study)}
-    return found
+def _studies_of(module: str) -> dict[str, Study]:
+    values = vars(import_module(module)).values()
+    return {one.name: one for one in values if isinstance(one, Study)}
 
 
 def find_study(name: str) -> Study:
     """The study called `name`; raises `StudyError` with the nearest name for one that does not exist."""
-    folder = f"studies.{name.replace('-', '_')}"
-    if name.replace("-", "").isidentifier() and find_spec(folder) is not None:
-        known = _studies_of(folder)  # importing the others takes a second
-        if name in known:
-            return known[name]
+    own = name.replace("-", "_")
+    if own.isidentifier():  # importing the others takes a second
+        for module in _modules(f"{own}/study.py", f"*/{own}_study.py"):
+            if name in (known := _studies_of(module)):
+                return known[name]
     if name not in all_studies():
         raise unknown("sweep", name, all_studies())
     return all_studies()[name]

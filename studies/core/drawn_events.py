@@ -1,12 +1,23 @@
-"""Events that are drawn at random, quantity by quantity, and the rows of a study's table that belong to one of them."""
+"""Events that are drawn at random, quantity by quantity, arms that meet them, and the rows that belong to one."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+
+COMPARED = ("cut-and-ramp", "perturb-observe")
+"""Default controllers for a comparison of rules: one waits for a slip signal, one limits torque without any. Rules differ in
+what they need to act."""
+
+
+class Arm(NamedTuple):
+    """A rule under a controller."""
+
+    rule: str
+    controller: str
 
 
 class Quantity(NamedTuple):
@@ -39,6 +50,16 @@ def sometimes(
         f"{otherwise:g} in {1.0 - share:.0%}, else uniform, {low:g} ... {high:g}{words}", reason,
         lambda g, _: float(g.uniform(low, high)) if g.random() < share else otherwise,
     )  # fmt: skip
+
+
+def in_turn(values: Sequence[str], words: str, reason: str, after: int = 1) -> Quantity:
+    """Each of these, in its turn, for `after` events; their order follows from their number."""
+    return Quantity(words, reason, lambda _, d: values[d["number"] // after % len(values)])
+
+
+def one_of(values: Sequence[str], words: str, reason: str, shares: Sequence[float] | None = None) -> Quantity:  # fmt: skip
+    """One of these, equally likely or by their shares."""
+    return Quantity(words, reason, lambda g, _: str(g.choice(list(values), p=shares)))
 
 
 @dataclass(frozen=True)

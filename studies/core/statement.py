@@ -1,12 +1,18 @@
-"""A plain statement: a claim, whether it holds, under which conditions, and the numbers that decide it."""
+"""A plain statement: a claim, whether it holds, under which conditions, and the numbers that decide it.
+
+All verdicts are made here, by `side` and `decide`.
+"""
 
 import math
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy.special import ndtri  # scipy.stats, which calls it, takes a second to import
 
 from alloc.display import cut, displayed
@@ -20,6 +26,9 @@ UNDECIDED = "undecided"
 TOO_FEW = "too few events"
 VERDICTS = (HOLDS, CONDITIONS, FAILS, UNDECIDED, TOO_FEW)
 """Every verdict. Undecided: the interval contains the threshold. The last: too few events bear on the claim."""
+
+LEAST_EVENTS = 10
+"""Smallest number of events on which a verdict about a whole or a part can rest."""
 
 CONFIDENCE = 0.95
 """Confidence of every interval that is printed; verdicts on several claims use wider ones (see `studies.core.claims`)."""
@@ -193,3 +202,73 @@ def share_limits(share: Any, count: Any, confidence: Any = CONFIDENCE) -> tuple[
     # at the ends one limit is the share itself; rounding must not miss it
     low = np.where(share == 0.0, 0.0, np.maximum(centre - half, 0.0))
     return low, np.where(share == 1.0, 1.0, np.minimum(centre + half, 1.0))
+
+
+# from numbers to a verdict
+
+Met = bool | None
+"""Whether a condition is met; None where that is undecided."""
+MET: Mapping[int, Met] = MappingProxyType({1: True, 0: None, -1: False})
+"""Result of `side` in these terms."""
+
+
+def side(low: Any, high: Any, least: Any, most: Any = math.inf) -> NDArray[np.int_]:
+    """Position of intervals: 1 wholly between two thresholds, -1 wholly beyond one, 0 where they contain one.
+
+    Every claim about random events is decided here. The result is 0 where there is no interval.
+    """
+    inside = (np.asarray(low) > least) & (np.asarray(high) < most)
+    outside = (np.asarray(high) < least) | (np.asarray(low) > most)
+    return inside.astype(int) - outside
+
+
+def decide(
+    essential: Iterable[Met],
+    further: Iterable[Met] = (),
+    partly: bool = False,
+    enough: bool = True,
+) -> str:
+    """The verdict: it holds where everything is met, and with conditions where only everything essential is met.
+
+    `partly`: with conditions too where something essential is not met. `enough`: whether there are enough events.
+    """
+    if not enough:
+        return TOO_FEW
+    needed = list(essential)
+    if all(needed):
+        return HOLDS if all(further) else CONDITIONS
+    if partly:
+        return CONDITIONS
+    return UNDECIDED if all(met or met is None for met in needed) else FAILS
+
+
+RANK: Mapping[str, int] = MappingProxyType({FAILS: 0, UNDECIDED: 1, CONDITIONS: 2, HOLDS: 3})
+"""Verdicts, starting with the worst."""
+
+
+def has_events(statement: Statement) -> bool:
+    """Whether it had enough events for a verdict."""
+    return statement.verdict != TOO_FEW
+
+
+def no_worse(verdict: str, reference: str) -> Met:
+    """Whether a verdict is no worse than another of the same claim; None where it is undecided or had too few events."""
+    if TOO_FEW in (verdict, reference):
+        return None
+    if RANK[verdict] >= RANK[reference]:
+        return True
+    return None if verdict == UNDECIDED else False
+
+
+def unmet(words: str, met: Met = False) -> str:
+    """A condition of a statement: that what these words name is not met, or that it is undecided whether it is."""
+    return f"not shown {words}" if met is None else f"not {words}"
+
+
+def agreement(rows: Iterable[Any], verdict: Callable[[Any], str]) -> float:
+    """Share of rows that have the verdict of the first, which is not counted; nan where that has too few events."""
+    drawn, *others = rows
+    found = verdict(drawn)
+    if found == TOO_FEW:
+        return math.nan
+    return sum(n for row, n in Counter(others).items() if verdict(row) == found) / len(others)

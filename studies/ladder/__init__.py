@@ -1,1 +1,1 @@
-"""The ladder of readhesion controllers, from none to MPC."""
+"""The ladder of readhesion controllers; the same on other curves, on rails that rest, and beside the joint optimum."""

@@ -1,19 +1,24 @@
-"""Random slip events for the ladder of readhesion controllers: what each of them meets, drawn quantity by quantity."""
+"""Random slip events for the ladder of readhesion controllers, and what is read from a run beside the metrics.
+
+What is read: whether slip moves towards the peak, on rail that changes or not.
+"""
 
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from alloc.metrics.search import shortage, unit_shares
 from alloc.plant.train import Train
-from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
-from studies.core.drawn_rails import drawn_curve, rail_offering
-from studies.files.units import stated
+from studies.core import drawn_scenarios as shared
+from studies.core.drawn_events import DrawnEvents, Quantity, in_turn, sometimes, uniform
 from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
 DURATION = 12.0
 """Length of an event [s]."""
-REFERENCE_SPEED = 15.0 / 3.6
-"""Speed at which rails of different curves offer the drawn level [m/s]."""
 
 TRAINS: dict[str, tuple[str, dict[str, Any]]] = {
     "one inverter per car": ("wet-start", {"inverter_group": "1C4M"}),
@@ -23,20 +28,17 @@ TRAINS: dict[str, tuple[str, dict[str, Any]]] = {
 """Train -> the shipped scenario whose train, command and draft gear it is, and what is changed of it."""
 
 QUANTITIES: dict[str, Quantity] = {
-    "train": Quantity(
-        "each of three in its turn",
+    "train": in_turn(
+        list(TRAINS), "each of three in its turn",
         "one torque for four axles, one for each, and one for each of a locomotive that couplers shake",
-        lambda _, d: list(TRAINS)[d["number"] % len(TRAINS)],
     ),
-    "curve": Quantity(
+    "curve": in_turn(
+        shared.TWO_PEAKS,
         "piecewise and Polach's of wet rail, each for three events in its turn",
         "a peak at 0.05 m/s with a fall behind it, and one at 0.2 ... 0.6 m/s, wide and moving with speed",
-        lambda _, d: ("piecewise", "polach")[d["number"] // len(TRAINS) % 2],
+        after=len(TRAINS),
     ),
-    "residual_ratio": uniform(
-        0.5, 0.9, " of the peak at infinite slip (piecewise only)",
-        "readhesion paper leaves it open; at 0.9 adhesion is used whatever the wheels do",
-    ),
+    "residual_ratio": shared.RESIDUAL_RATIO,
     "level": uniform(
         0.13, 0.19, ", at 15 km/h",
         "about the planned 0.16: in a third of the events the plan is within reach before the drop",
@@ -51,10 +53,8 @@ QUANTITIES: dict[str, Quantity] = {
     "patch_factor": sometimes(
         0.4, 0.6, 0.9, " times the coefficient, from 10 to 40 m", 1.0, "assumed: met after some seconds, axle after axle"
     ),
-    "speed_noise_kmh": uniform(0.0, 0.04, " km/h", "twice the scenario scattered-rail at most"),
-    "grade_permille": sometimes(
-        0.4, 5.0, 20.0, " per mille uphill", 0.0, "as in the events of the claims"
-    ),
+    "speed_noise_kmh": shared.SPEED_NOISE,
+    "grade_permille": shared.UPHILL,
 }  # fmt: skip
 """Every drawn quantity in the order of drawing."""
 EVENTS = DrawnEvents("ladder", QUANTITIES, stream=(7,), numbered=True)
@@ -68,38 +68,79 @@ def train_of(name: str) -> Train:
     return shipped_scenario(base).changed(**changes).event().model.train
 
 
-def rail_keys(curve: str, residual_ratio: float, level: float, train: Train) -> dict[str, Any]:
-    """Keys of a rail that offers `level` to `train` at `REFERENCE_SPEED` under this curve."""
-    keys = drawn_curve(curve, {"residual_ratio": residual_ratio})
-    return rail_offering(keys, level, REFERENCE_SPEED, train)
-
-
 def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
     """Event `k` as a scenario of `duration` [s]. The train believes in the piecewise curve whatever the rail's is."""
     d = draw(seed, k)
     base, changes = TRAINS[d["train"]]
-    drop = {
-        "factor": d["drop_factor"],
-        "begin_s": d["drop_begin_s"],
-        "until_s": d["drop_begin_s"] + d["drop_length_s"],
-        "fade_s": 0.1,
-    }
-    patch = {"factor": d["patch_factor"], "start_m": 10.0, "end_m": 40.0, "edge_m": 4.0}
-    return shipped_scenario(base).changed(
-        name=event_name(seed, k),
-        title=f"random event {k} of the ladder",
-        case=None,
-        duration_s=duration,
-        variation=None,  # drawn here
-        rail=rail_keys(d["curve"], d["residual_ratio"], d["level"], train_of(d["train"]))
-        | {
-            "increments": {"law": "logarithmic"},
-            "scatter": d["scatter"],
-            "scatter_length_m": 20.0,
-            "patches": [drop, *([patch] if d["patch_factor"] < 1.0 else [])],
-        },
-        line={"sections": [{"start_m": -1000.0, "grade_permille": d["grade_permille"]}]},
-        belief={"curve": {"kind": "piecewise"}},
-        onboard={"sensors": {"speed_noise_kmh": stated("_kmh", d["speed_noise_kmh"])}},
-        **changes,
+    rail = shared.rail_offering(
+        shared.drawn_curve(d["curve"], d), d["level"], shared.START_SPEED, train_of(d["train"])
     )
+    patches = shared.drawn_drop(d, 0.1), shared.stretch(d["patch_factor"], 10.0, 40.0)
+    return shared.drawn_scenario(
+        base, event_name(seed, k), f"random event {k} of the ladder", duration,
+        rail | {"increments": {"law": "logarithmic"}} | shared.uneven(d["scatter"], *patches), d,
+        line=shared.graded(d), belief={"curve": {"kind": "piecewise"}}, **changes,
+    )  # fmt: skip
+
+
+INTERVAL = 0.3
+"""Time [s] over which slip is averaged: that of a searching controller's step."""
+OFF_PEAK = 0.3
+"""Distance from the peak, as a share of its slip, above which a step has a right direction."""
+NOTICEABLE = 2e-3
+"""Change of the mean slip [m/s] below which nothing has moved."""
+CHANGED = 0.01
+"""Change of the adhesion from interval to interval, as a share of it, above which the rail counts as changing."""
+
+Floats = NDArray[np.float64]
+
+
+def measure(run: xr.Dataset) -> dict[str, float]:
+    """Shares of the steps of slip that lead away from the peak, of units that are short of adhesion.
+
+    A step is the change of the unit's largest slip between the means of two intervals. It has a right direction where the
+    first mean lies off the peak by `OFF_PEAK` or more.
+
+    - wrong_steps_still, wrong_steps_changing: share of wrong steps where the adhesion stayed within `CHANGED`, and where
+      it did not; nan where there are no steps.
+    - steps_still, steps_changing: number of such steps.
+    """
+    time = run["time"].values
+    ticks = max(1, round(INTERVAL / float(time[1] - time[0])))
+    slip, peak = _largest_slip(run)
+    short = _means(shortage(run).astype(float), ticks) == 1.0
+    slip, peak = _means(slip, ticks), _means(peak, ticks)
+    available = _means(unit_shares(run)[2], ticks)
+    step = np.diff(slip, axis=0)
+    ahead = peak[:-1] - slip[:-1]
+    counted = short[1:] & short[:-1] & (np.abs(step) > NOTICEABLE)
+    counted &= np.abs(ahead) > OFF_PEAK * peak[:-1]
+    changing = np.abs(np.diff(available, axis=0)) > CHANGED * available[:-1]
+    wrong = step * ahead < 0.0
+    result = {}
+    for name, chosen in (("still", counted & ~changing), ("changing", counted & changing)):
+        result[f"steps_{name}"] = float(chosen.sum())
+        result[f"wrong_steps_{name}"] = float(wrong[chosen].mean()) if chosen.any() else np.nan
+    return result
+
+
+def _largest_slip(run: xr.Dataset) -> tuple[Floats, Floats]:
+    """Slip of each unit's worst axle in the direction of the demand, and the slip of that axle's peak, (time, unit)."""
+    sign = np.sign(run["driver_command"].values)[:, None]
+    slip, peak = sign * run["slip_velocity"].values, run["peak_slip"].values
+    unit_of_axle = run["axle_unit"].values
+    rows = np.arange(slip.shape[0])
+    largest, tops = [], []
+    for unit in range(run.sizes["unit"]):
+        own = unit_of_axle == unit
+        worst = slip[:, own].argmax(axis=1)
+        largest.append(slip[:, own][rows, worst])
+        tops.append(peak[:, own][rows, worst])
+    return np.stack(largest, axis=1), np.stack(tops, axis=1)
+
+
+def _means(values: Floats, ticks: int) -> Floats:
+    """Means over intervals of `ticks` rows; what does not fill one is left out."""
+    count = values.shape[0] // ticks
+    means: Floats = values[: count * ticks].reshape(count, ticks, -1).mean(axis=1)
+    return means

@@ -11,7 +11,6 @@ from alloc.metrics import METRICS
 from alloc.plant.sets import find_set
 from alloc.plant.train import Train
 from alloc.simulation import simulate
-from studies.blended.events import scenario as drawn_stop
 from studies.core.cell import Row
 from studies.core.job import Job, simulate_job
 from studies.files.study_error import StudyError
@@ -24,7 +23,8 @@ from studies.logs.report import fit_remarks, withheld
 from studies.logs.simulated import log_table, rounded
 from studies.logs.train import MeasuredTrain
 from studies.scenario.loading import shipped_scenario
-from studies.wsp_acceptance.events import CURVES, stop_of
+from studies.stops.acceptance_stops import CURVES, stop_of
+from studies.stops.blended_events import scenario as drawn_stop
 
 STREAM = 41
 """Number that distinguishes the draws from those of other studies."""

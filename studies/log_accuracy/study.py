@@ -3,7 +3,7 @@
 from studies.core.cell import Task
 from studies.core.study import EachEvent, Study
 from studies.log_accuracy.drawn_logs import LOGS, rows_of
-from studies.log_accuracy.statements import log_accuracy_statements
+from studies.log_accuracy.statements import CLAIMS, log_accuracy_statements
 
 
 def cells(seed: int, k: int, logs: int = LOGS) -> list[Task]:
@@ -17,4 +17,5 @@ LOG_ACCURACY = Study(
     default_events=68,
     cells=EachEvent(cells),
     judge=log_accuracy_statements,
+    claims=CLAIMS,
 )

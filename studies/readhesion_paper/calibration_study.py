@@ -1,14 +1,15 @@
 """The calibration of what the readhesion paper does not print: does a set do as it says, how narrow is it, which unit?"""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import pandas as pd
 
+from studies.core.claims import AT_LEAST, AT_MOST, Claim, conjunction
 from studies.core.ensemble_range import RANGE, median_of
-from studies.core.statement import Interval, Statement
+from studies.core.statement import Interval, Statement, in_words, unmet
 from studies.core.study import Study
-from studies.core.verdict import decide, decided, intervals_of, unmet
 from studies.readhesion_paper.calibration import (
     DEFAULT_SAMPLES,
     GENERATIONS,
@@ -24,7 +25,7 @@ from studies.readhesion_paper.calibration import (
     refining_cells,
     walking_cells,
 )
-from studies.readhesion_paper.findings import CLAIMS
+from studies.readhesion_paper.findings import BOUNDS, CLAIMS
 from studies.readhesion_paper.paper import UNITS
 
 NARROW = 2.0
@@ -42,6 +43,42 @@ WORDS = {
 """Name of each parameter, with its unit."""
 
 
+EXISTS = Claim(
+    "a set exists", "some values of what is not printed make the controller do all that the paper says", "met", AT_LEAST,
+    1.0, each="finding", exact=True, reason="the paper says all of it",
+    method=f"Latin hypercube and simplex method; fulfils: all findings but {', '.join(NOT_ASKED_OF_ALL)}",
+)  # fmt: skip
+ENSEMBLE = Claim(
+    "ensemble",
+    f"in both units of a_0 and a_w at least {LEAST_SETS} sets meet {LEAST_MET} of the paper's {len(CLAIMS)} findings",
+    cases=tuple(
+        Claim(f"so many in {unit}", mean=f"'{unit}'", value=LEAST_SETS, exact=True, show=in_words("{:.0f}"),
+              reason="so many make an ensemble")
+        for unit in UNITS
+    ),
+    method=f"walkers over all sets that meet as many, all of them equally likely; {RANGE}",
+)  # fmt: skip
+NARROWED = {
+    name: Claim(
+        f"narrow: {name}", f"the paper's findings determine {words} to within a factor of {NARROW:g}", "factor",
+        AT_MOST, NARROW, exact=True, reason="narrowly",
+        method=f"limits are ranges, not confidence; near: the same unit, objective up to {NEAR_BEST:g} times the best one's",
+    )
+    for name, words in WORDS.items()
+}  # fmt: skip
+UNIT = Claim(
+    "unit", "a_0 and a_w are meant in one unit: in the other no set comes near", "near", AT_MOST, exact=True,
+    reason="a set that comes near would do as well",
+    method=f"near: objective up to {NEAR_BEST:g} times that of the best set that fulfils most",
+)  # fmt: skip
+AT_ONCE = Claim(
+    "half-slip", "the half-slip at mu_lim 0.16 goes together with the other findings", "most findings met with both",
+    AT_LEAST, len(CLAIMS), exact=True, reason="all of them",
+)  # fmt: skip
+STATED = (EXISTS, ENSEMBLE, *NARROWED.values(), UNIT, AT_ONCE, *BOUNDS.values())
+"""What is claimed, and the bounds that decide the findings."""
+
+
 def calibration_statements(table: pd.DataFrame) -> list[Statement]:
     """Statements on a table of `CALIBRATION`."""
     good, chosen = fulfilling(table), best(table)
@@ -57,21 +94,16 @@ def calibration_statements(table: pd.DataFrame) -> list[Statement]:
 
 
 def _exists(table: pd.DataFrame, good: pd.DataFrame, chosen: pd.Series) -> Statement:
-    met = {f"met: {claim}": bool(chosen[f"met: {name}"]) for name, claim in CLAIMS.items()}
+    met = [bool(chosen[f"met: {name}"]) for name in CLAIMS]
+    findings = pd.DataFrame({"finding": [f"met: {one}" for one in CLAIMS.values()], "met": met})
     wide = table[table["stage"] == "wide"].index
-    return decided(
-        "a set exists",
-        "some values of what is not printed make the controller do all that the paper says",
-        met,
-        {
-            f"findings met by the best set, of {len(CLAIMS)}": sum(met.values()),
-            "its objective": chosen["objective"],
-            "objective of the values assumed": table.loc[table["stage"] == "assumed", "objective"].head(1).min(),
-            "share of wide samples that fulfil all but the half-slip": pd.Series(wide.isin(good.index)),
-        },
-        f"Latin hypercube and simplex method; fulfils: all findings but {', '.join(NOT_ASKED_OF_ALL)}",
-        partly=len(good) > 0,
-    )  # fmt: skip
+    numbers = {
+        f"findings met by the best set, of {len(CLAIMS)}": sum(met),
+        "its objective": chosen["objective"],
+        "objective of the values assumed": table.loc[table["stage"] == "assumed", "objective"].head(1).min(),
+        "share of wide samples that fulfil all but the half-slip": pd.Series(wide.isin(good.index)),
+    }  # fmt: skip
+    return conjunction(findings, EXISTS, numbers=numbers, partly=len(good) > 0)
 
 
 def _ensemble(table: pd.DataFrame) -> Statement:
@@ -87,13 +119,8 @@ def _ensemble(table: pd.DataFrame) -> Statement:
             f"{words}, {unit}: median and range": median_of(rows[name])
             for name, words in WORDS.items()
         }
-    return decided(
-        "ensemble",
-        f"in both units of a_0 and a_w at least {LEAST_SETS} sets meet {LEAST_MET} of the paper's {len(CLAIMS)} findings",
-        {f"so many in {unit}: {len(rows)}": len(rows) >= LEAST_SETS for unit, rows in counts.items()},
-        numbers,
-        f"walkers over all sets that meet as many, all of them equally likely; {RANGE}",
-    )  # fmt: skip
+    found = pd.DataFrame([{unit: len(rows) for unit, rows in counts.items()}])
+    return conjunction(found, ENSEMBLE, numbers=numbers, least_events=1)
 
 
 def _range(value: float, rows: pd.DataFrame, name: str) -> Interval:
@@ -103,16 +130,12 @@ def _range(value: float, rows: pd.DataFrame, name: str) -> Interval:
 
 def _narrow(name: str, chosen: pd.Series, good: pd.DataFrame, near: pd.DataFrame) -> Statement:
     fulfil = _range(chosen[name], good, name)
-    return decided(
-        f"narrow: {name}",
-        f"the paper's findings determine {WORDS[name]} to within a factor of {NARROW:g}",
-        {"": fulfil.count > 1 and fulfil.high <= NARROW * fulfil.low},
-        {
-            f"{WORDS[name]}: best; range of the sets that fulfil": fulfil,
-            f"{WORDS[name]}: best; range near the best objective": _range(chosen[name], near, name),
-        },
-        f"limits are ranges, not confidence; near: the same unit, objective up to {NEAR_BEST:g} times the best one's",
-    )
+    numbers = {
+        f"{WORDS[name]}: best; range of the sets that fulfil": fulfil,
+        f"{WORDS[name]}: best; range near the best objective": _range(chosen[name], near, name),
+    }
+    found = pd.DataFrame({"factor": [fulfil.high / fulfil.low]})
+    return conjunction(found, NARROWED[name], {"": fulfil.count > 1}, numbers=numbers, least_events=0)  # fmt: skip
 
 
 def _unit(
@@ -121,13 +144,13 @@ def _unit(
     """`near`: sets in the other unit that come near the best objective."""
     others = table[table["unit"] != chosen["unit"]]
     numbers: dict[str, Any] = {"sets near the best objective in the other unit": len(near)}
-    missing: dict[str, bool] = {}
+    missing: list[str] = []
     if len(others):
         rival = others.sort_values("objective", kind="stable").iloc[0]
-        missing = {
-            f"met in {rival['unit']}: {claim}": bool(rival[f"met: {name}"])
-            for name, claim in CLAIMS.items()
-        }
+        missing = [
+            unmet(f"met in {rival['unit']}: {claim}")
+            for name, claim in CLAIMS.items() if not rival[f"met: {name}"]
+        ]  # fmt: skip
         numbers |= {
             f"objective of the best set in {row['unit']}": row["objective"]
             for row in (chosen, rival)
@@ -138,30 +161,25 @@ def _unit(
             )
             for name, words in WORDS.items()
         }
-    return Statement(
-        "unit",
-        f"a_0 and a_w are meant in {chosen['unit']}: in the other unit no set comes near",
-        decide([len(good) > 0, near.empty]),
-        intervals_of(numbers),
-        tuple(unmet(words) for words, met in missing.items() if not met),
-        f"near: objective up to {NEAR_BEST:g} times that of the best set that fulfils most",
+    stated = replace(
+        UNIT,
+        claim=f"a_0 and a_w are meant in {chosen['unit']}: in the other unit no set comes near",
     )
+    found = pd.DataFrame({"near": [len(near)]})
+    judged = conjunction(found, stated, {"": len(good) > 0}, numbers=numbers, least_events=1)
+    return replace(judged, conditions=tuple(missing))
 
 
 def _all_at_once(table: pd.DataFrame) -> Statement:
     """The half-slip stands apart: by how much other findings must give way to it."""
     shown = table[[f"met: {name}" for name in NOT_ASKED_OF_ALL]]
     both, one = table["met"][shown.all(axis=1)], table["met"][shown.any(axis=1)]
-    return decided(
-        "half-slip",
-        "the half-slip at mu_lim 0.16 goes together with the other findings",
-        {"": bool(both.max() == len(CLAIMS))},
-        {
-            "sets with both its findings": len(both),
-            "most findings met with both": both.max(),
-            "most findings met with one of them": one.max(),
-        },
-    )
+    found = pd.DataFrame({AT_ONCE.mean: [both.max()]})
+    numbers = {
+        "sets with both its findings": len(both), "most findings met with both": both.max(),
+        "most findings met with one of them": one.max(),
+    }  # fmt: skip
+    return conjunction(found, AT_ONCE, numbers=numbers, least_events=0)
 
 
 CALIBRATION = Study(
@@ -177,5 +195,6 @@ CALIBRATION = Study(
     ),
     finish=lambda table, seed, samples: table.assign(seed=seed, samples=samples),
     judge=calibration_statements,
+    claims=STATED,
     whole=True,
 )

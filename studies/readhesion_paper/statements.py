@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pandas as pd
 
+from studies.core.claims import AT_LEAST, AT_MOST, Claim, conjunction
 from studies.core.ensemble_range import over_members
 from studies.core.statement import Statement
-from studies.core.verdict import decided, over_cases
-from studies.readhesion_paper.findings import CLAIMS, Finding, grid_findings
+from studies.readhesion_paper.findings import BOUNDS, CLAIMS, Finding, grid_findings
 from studies.readhesion_paper.paper import CALIBRATED
 
 SETTLED_BELOW = 0.01
@@ -21,6 +21,25 @@ METHOD = (
     "no randomness: each number is that of one run or of all runs of the grid; bounds in "
     "studies/readhesion_paper/findings.py"
 )
+FOUND = {
+    name: Claim(
+        name, claim, "met", AT_LEAST, 1.0, exact=True, reason="as the paper says", method=METHOD
+    )
+    for name, claim in CLAIMS.items()
+}
+LIMIT_EXISTS = Claim(
+    "limit exists", "what readheres at one adhesion coefficient does so at every greater one", "monotone", AT_LEAST, 1.0,
+    each="controller", some=True, exact=True, reason="section 3.2 takes it for granted", method=METHOD,
+)  # fmt: skip
+PARABOLA = Claim(
+    "parabola",
+    "the findings do not depend on how the parabola is narrowed where C = 40 makes no curve "
+    f"(mu_max < {EXISTS_FROM:.3f})",
+    "shift", AT_MOST, SETTLED_BELOW, exact=True, reason="a step of the paper's grid leaves its figures as they are",
+    method=f"narrow enough for mu_max 0.02 against as wide as can be; bound of the shift {SETTLED_BELOW:g}; {METHOD}",
+)  # fmt: skip
+STATED = (*FOUND.values(), LIMIT_EXISTS, PARABOLA, *BOUNDS.values())
+"""What is claimed, and the bounds that decide the findings."""
 
 
 def readhesion_statements(table: pd.DataFrame, printed: str, narrow: str) -> list[Statement]:
@@ -95,20 +114,19 @@ def _cases(rows: pd.DataFrame) -> dict[str, Finding]:
 
 
 def _statement(name: str, finding: Finding) -> Statement:
-    return decided(name, CLAIMS[name], {"": finding.met}, finding.numbers, METHOD)
+    return conjunction(
+        pd.DataFrame({"met": [finding.met]}), FOUND[name], numbers=finding.numbers, least_events=1
+    )
 
 
 def _limit_exists(limits: pd.DataFrame) -> Statement:
-    """Section 3.2 takes for granted that what readheres at one coefficient does so at every greater one."""
     some = limits[limits["limit_coefficient"].notna()]
-    met = {
-        f"with a_0 {row.margin:g}, a_w {row.width:g}": bool(row.monotone)
-        for row in some.itertuples()
-    }
-    return over_cases(
-        "limit exists", "what readheres at one adhesion coefficient does so at every greater one", met,
-        {"controllers with a limit": len(some), "of them not so": list(met.values()).count(False)}, METHOD,
-    )  # fmt: skip
+    some = some.assign(
+        controller=[f"with a_0 {row.margin:g}, a_w {row.width:g}" for row in some.itertuples()]
+    )
+    without = int((~some["monotone"].astype(bool)).sum())
+    numbers = {"controllers with a limit": len(some), "of them not so": without}
+    return conjunction(some, LIMIT_EXISTS, numbers=numbers)
 
 
 def _parabola(
@@ -123,16 +141,14 @@ def _parabola(
     both = limits.merge(limits_narrow, on=["margin", "width"], suffixes=("", "_narrow"))
     shift = (both["limit_coefficient_narrow"] - both["limit_coefficient"]).abs()
     largest = float(shift.max()) if shift.notna().any() else math.nan
-    return decided(
-        "parabola",
-        "the findings do not depend on how the parabola is narrowed where C = 40 makes no curve "
-        f"(mu_max < {EXISTS_FROM:.3f})",
-        {"": not largest > SETTLED_BELOW} | {f"the same, narrow there: {name}": False for name in below},
+    return conjunction(
+        pd.DataFrame({"shift": [0.0 if math.isnan(largest) else largest]}), PARABOLA,
+        {f"the same, narrow there: {name}": False for name in below},
+        {f"the same, narrow at every mu_max: {name}": False for name in above if name not in below},
         {
             "findings that change with a narrow parabola there": len(below),
             "findings that change with a narrow parabola at every mu_max": len(above),
             "largest shift of a limit adhesion coefficient": largest,
         },
-        f"narrow enough for mu_max 0.02 against as wide as can be; bound of the shift {SETTLED_BELOW:g}; {METHOD}",
-        {f"the same, narrow at every mu_max: {name}": False for name in above if name not in below},
+        least_events=1,
     )  # fmt: skip

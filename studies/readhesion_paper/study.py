@@ -20,7 +20,7 @@ from studies.readhesion_paper.paper import (
     Unprinted,
 )
 from studies.readhesion_paper.sensitivity import case_rows, searched_rows
-from studies.readhesion_paper.statements import readhesion_statements
+from studies.readhesion_paper.statements import STATED, readhesion_statements
 
 MOST_MEMBERS = 8
 """Members in each unit whose whole grid is run: 5 s each."""
@@ -79,5 +79,6 @@ READHESION = Study(
     default_events=MOST_MEMBERS,  # members of the ensemble in each unit
     cells=cells,
     judge=lambda table: readhesion_statements(table, PRINTED, NARROW),
+    claims=STATED,
     whole=True,
 )

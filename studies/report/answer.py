@@ -7,7 +7,7 @@ from statistics import fmean
 
 from alloc.rules import RULES
 from studies.comparison.summary import REFERENCE, SummaryLine
-from studies.headroom.statements import BOUND, WORTH_SHARING
+from studies.patent.headroom_study import BOUND, WORTH_SHARING
 
 GAIN = "effort_ratio"
 """What a rule is for: effort over plan."""

@@ -11,8 +11,7 @@ import pandas as pd
 from studies.core.collection import study_folder
 from studies.core.drawn_events import complete
 from studies.core.store import ROWS
-from studies.headroom.statements import BASE, BOUND, gain, pairs_of, rules_of
-from studies.headroom.study import HEADROOM
+from studies.patent.headroom_study import BASE, BOUND, HEADROOM, gain, pairs_of, rules_of
 from studies.report.replay import Replay
 
 

@@ -14,7 +14,7 @@ from alloc.plant.model import Model
 from studies.core.cell import Shared, Yield
 from studies.core.job import Job, simulate_job
 from studies.core.run_status import run_status
-from studies.headroom.measures import measure
+from studies.patent.headroom_events import measure
 from studies.report.packing import pack
 
 PERIOD = 0.05
@@ -86,7 +86,7 @@ class Replay:
     status: str
     reason: str
     plan_use: float
-    """Effort, the plan at most, over the plan (`studies.headroom`); nan where the run failed."""
+    """Effort, the plan at most, over the plan (`studies.patent.headroom_events`); nan where the run failed."""
     run: Mapping[str, Any]
     """Replay of the run in `kept`; nothing where the run failed."""
 

@@ -12,7 +12,7 @@ from studies.core.study import Study
 from studies.core.walkers import needed
 from studies.slides.calibration import draw, from_unit_cube, to_unit_cube
 from studies.slides.ensemble import PASSED, Row, around, sample, search, tried_row
-from studies.slides.ensemble_statements import distinct, ensemble_statements
+from studies.slides.ensemble_statements import CLAIMS, distinct, ensemble_statements
 from studies.slides.jp4209318 import BOUNDS, CALIBRATED, Undisclosed
 from studies.slides.targets import HOLD_OUT
 
@@ -127,5 +127,6 @@ SLIDE_CALIBRATION = Study(
         *(partial(cloud_cells, cloud) for cloud in range(WHOLE.clouds)),
     ),
     judge=ensemble_statements,
+    claims=CLAIMS,
     whole=True,
 )

@@ -26,7 +26,7 @@ from studies.slides.jp4209318 import (
     slide_protection,
 )
 from studies.slides.members import HELD_OUT, MEMBERS
-from studies.slides.statements import slide_statements
+from studies.slides.statements import CLAIMS, slide_statements
 from studies.slides.targets import outcomes
 
 SENSITIVITIES = tuple(float(x) for x in np.geomspace(0.4, 12.0, 33))
@@ -122,5 +122,6 @@ SLIDE_PROTECTION = Study(
     cells=cells,
     finish=lambda table, seed, draws: table.assign(draws=draws, seed=seed),
     judge=slide_statements,
+    claims=CLAIMS,
     whole=True,
 )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from studies.core.claims import ABOUT, AT_MOST, Claim, meets
 from studies.slides.jp4209318 import Undisclosed, brake, brake_event, measures
 
 TABLE_3 = {1: 458.1, 2: 414.0, 3: 385.7}
@@ -59,6 +60,15 @@ TARGETS: dict[str, Target] = {
     ),
 }  # fmt: skip
 """Every target by name. That of "longer low" is reached wherever low does not brake longer."""
+
+REACHED = {
+    name: Claim(f"reached: {name}", mean=f"'{name}'", side=AT_MOST, exact=True, reason="the source finds it no longer")
+    if name == "longer low" else
+    Claim(f"reached: {name}", mean=f"'{name}'", side=ABOUT, value=target.value, tolerance=target.tolerance, exact=True,
+          reason="as near as the undisclosed values let one hope for")
+    for name, target in TARGETS.items()
+}  # fmt: skip
+"""What counts as near enough to each target."""
 
 OUTCOMES = (*TARGETS, "locked", "time-outs", "slides")
 """Names of the results of `outcomes`."""
@@ -148,17 +158,9 @@ def _slide_faults(medium: Mapping[str, float]) -> float:
     return float(sum(faults) / slip.mean())
 
 
-def reached(name: str, value: float) -> bool:
-    """Whether a target's number is near enough."""
-    target = TARGETS[name]
-    if name == "longer low":
-        return value <= 0.0
-    return abs(value - target.value) <= target.tolerance
-
-
 def unreached(found: Mapping[str, float]) -> list[str]:
     """Names of the targets that `found` misses; locked wheels and slips out of order count too."""
-    missed = [name for name in TARGETS if not reached(name, found[name])]
+    missed = [name for name in TARGETS if not meets(REACHED[name], found[name])]
     return missed + [name for name in ("locked", "slides") if found[name] > 0.0]
 
 

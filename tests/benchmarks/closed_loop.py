@@ -18,27 +18,91 @@ import numpy as np
 import pandas as pd
 
 from alloc.errors import InputError
-from alloc.event import Event
+from alloc.event import DriverCommand, Event
 from alloc.metrics import METRICS
 from alloc.onboard.host import HostedController, TorqueDecision, UnitContext, UnitSense, each_unit
+from alloc.onboard.parameters import Braking, Onboard, Sensors
+from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
+from alloc.plant.model import build, level_for
+from alloc.plant.rail import Patch, Rail
+from alloc.plant.sets import find_set
+from alloc.plant.train import Train
 from alloc.simulation import simulate
 from mpc.model import Units
 from mpc.period import HorizonProblem, HorizonSolution, RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.unit import STATUSES, Iteration, MpcController
 from studies.scenario.loading import load_scenario
-from tests.benchmarks.closed_loop_events import drawn_event
-from tests.benchmarks.peer_iteration import CONVERGING, PEERS, missing
-from tests.benchmarks.qpsolvers_peer import QpsolversIteration, Solved
-from tests.benchmarks.qpsolvers_peer import iterations as qp_iterations
+from tests.benchmarks.peers import CONVERGING, PEERS, QpsolversIteration, Solved, missing
+from tests.benchmarks.peers import iterations as qp_iterations
 from tests.mpc.exported import InNumba
 
+DURATION, DROP = 4.0, 1.0
+
+
+"""Of an event, and instant from which adhesion is low [s]; torque is up within half a second."""
+
+
+REFERENCE_SPEED = 15.0 / 3.6
+
+
+"""Speed at which rails of every curve offer the drawn level [m/s]."""
+
+
+CURVES = (PiecewiseCurve(), POLACH_WET, SlipRatioCurve())
+
+
+def two_cars() -> Train:
+    """The first trailer and the first motor car of the commuter set: one unit of four axles, with free axles beside it."""
+    whole = find_set("commuter-8car")
+    share = 2.0 / len(whole.cars)
+    return replace(
+        whole,
+        name="commuter, two cars",
+        cars=whole.cars[:2],
+        resistance=tuple(share * value for value in whole.resistance),
+    )
+
+
+def drawn_event(seed: int, k: int) -> Event:
+    """Event `k`: curves take turns, every fourth event is a stop; level, drop, speed and noise are drawn."""
+    rng = np.random.default_rng([seed, k])
+    curve, braking = CURVES[k % len(CURVES)], k % 4 == 3
+    level, factor = rng.uniform(0.13, 0.17), rng.uniform(0.5, 0.75)
+    noise = rng.uniform(0.0, 0.02) / 3.6
+    speed = rng.uniform(15.0, 30.0) if braking else rng.uniform(4.0, 10.0)
+    train = two_cars()
+    if curve is POLACH_WET:
+        level = level_for(POLACH_WET, level, REFERENCE_SPEED, train)
+    low = Patch(factor, begin=DROP, until=DURATION + 1.0, fade=0.1)
+    # the motors brake the whole train: the model of the MPC knows of no air brake
+    onboard = Onboard(
+        sensors=Sensors(speed_noise=noise, seed=seed + k), braking=Braking(blended=False)
+    )
+    return Event(
+        f"drop-{seed}-{k}",
+        build(train, Rail(level, patches=(low,), curve=curve)),
+        DriverCommand((0.1,), (-0.8 if braking else 0.8,)),
+        onboard,
+        duration=DURATION,
+        initial_speed=speed,
+    )
+
+
 SETTINGS = MpcSettings()
+
+
 CONVERGED = replace(SETTINGS, iterations=1000, tolerance=1e-6, step_time=1e-6)
+
+
 """With which the own iteration goes on to the optimum, as the converging peers do."""
 
+
 ONE_STEP = replace(SETTINGS, iterations=1)
+
+
 """With which it takes one step, as acados' does."""
+
 
 COMPILED, OWN, OWN_CONVERGED = "compiled step", "own iteration", "own iteration converged"
 

@@ -6,30 +6,170 @@ medians, 99th percentiles and residuals are in the report's extra_info. `closed_
 """
 
 import time
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mpc.settings import MpcSettings
-from tests.benchmarks.mpc_cases import CASES, HORIZON
-from tests.benchmarks.peer_iteration import CONVERGING, PEERS, missing
+from alloc.onboard.host import UnitContext
+from alloc.plant.adhesion import PiecewiseCurve
+from mpc.model import Units, group_of, parameters, substeps, torque_per_coefficient, unit_model
+from mpc.period import HorizonProblem, RealTimeIteration
+from mpc.settings import GroupSettings, MpcSettings
+from tests.benchmarks import closed_loop
+from tests.benchmarks.closed_loop import drawn_event
+from tests.benchmarks.peers import CONVERGING, PEERS, missing, step_function
+
+HORIZON = 20
+
+
+CURVE = PiecewiseCurve()
+
+
+RADIUS = 0.43
+
+
+EVENNESS = GroupSettings().evenness
+
+
+SPREAD = np.array([0.118, 0.12, 0.122, 0.125])
+
+
+"""Peak coefficients of up to four axles."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A unit to time, or a car whose axles are `units` of their own; `iteration` makes the solver under test."""
+
+    name: str
+    axles: int
+    units: int = 1
+    iteration: Callable[[Units, MpcSettings], Any] = RealTimeIteration
+    peers: tuple[str, ...] = tuple(PEERS)
+    """Those that can take the case's problems."""
+    least_speed_up: float = 20.0
+    """Over ipopt, in medians."""
+
+    @property
+    def context(self) -> Units:
+        each = self.axles // self.units
+        units = tuple(
+            UnitContext(
+                unit=k, axles=each, radius=RADIUS, inertia=155.0, gear_ratio=7.07, axle_load=78e3,
+                mass=13.75e3 * each, torque_lag=5e-3, curve=CURVE, period=0.01,
+            )
+            for k in range(self.units)
+        )  # fmt: skip
+        return units if self.units > 1 else units[0]
+
+    def problems(
+        self,
+        peak: float | np.ndarray,
+        speed: float,
+        target: float,
+        upper: float,
+        slip: float,
+        number: int,
+    ) -> list[HorizonProblem]:
+        """`number` periods of a unit under its own real-time iteration, which knows the `peak`.
+
+        From `slip` [m/s] of every wheel on, with a torque of 600 N m.
+        """
+        context, settings = self.context, MpcSettings(horizon=HORIZON, iterations=1)
+        constants = parameters(context, peak)
+        step = step_function(unit_model(context), settings.step, substeps(context, settings.step))
+        m = self.units
+        state = np.array([speed, *[(speed + slip) / RADIUS] * self.axles, *[600.0] * m])
+        solver, torque, made = self.iteration(context, settings), self._each(600.0), []
+        solver.restart(torque)
+        limit = CURVE.limit(np.broadcast_to(peak, self.axles), speed)[1]
+        wanted, most = self._each(target), self._each(upper)
+        for _ in range(number):
+            made.append(HorizonProblem(state, constants, limit, wanted, torque, most, wanted))
+            solver.shift()
+            torques = solver.solve(made[-1]).torques
+            torque = torques[:m].copy() if m > 1 else float(torques[0])
+            state = np.asarray(step(state, torque, constants)).ravel()
+        return made
+
+    def _each(self, value: float) -> float | np.ndarray:
+        """The same value for each unit; a plain number where there is one, as solvers of one torque take it."""
+        return np.full(self.units, value) if self.units > 1 else value
+
+    def readhesion(self) -> list[HorizonProblem]:
+        """A second of it: wheels at 0.3 m/s of slip, more torque wanted than the rail carries."""
+        return self.problems(SPREAD[: self.axles], 10.0, 900.0, 1000.0, 0.3, 100)
+
+    def drops(self, number: int) -> list[tuple[HorizonProblem, HorizonProblem]]:
+        """Pairs of problems between which the peaks fall from about 0.18 to 0.12, the unit having settled before.
+
+        Bounds as in `MpcController`.
+        """
+        rng, context, pairs = np.random.default_rng(1), self.context, []
+        carried = torque_per_coefficient(group_of(context)[0])
+        for _ in range(number):
+            speed, target = rng.uniform(4.0, 25.0), rng.uniform(900.0, 1200.0)
+            low = SPREAD[: self.axles]
+            high = 0.18 / 0.12 * low
+            high_bound, low_bound = (min(target, 1.1 * p.min() * carried) for p in (high, low))
+            before = self.problems(high, speed, target, high_bound, 0.01, 60)[-1]
+            after = before._replace(
+                parameters=parameters(context, low),
+                slip_limit=CURVE.limit(low, before.state[0])[1],
+                upper=self._each(low_bound),
+            )
+            pairs.append((before, after))
+        return pairs
+
+
+CASES = [
+    Case("one axle, one torque", 1),
+    Case("four axles, one torque", 4),
+    Case(
+        "four axles, four torques",
+        4,
+        4,
+        partial(RealTimeIteration, evenness=EVENNESS),
+        ("Opti with ipopt", "fatrop"),
+    ),
+]
+
+
+"""Anything with the attributes of `Case` may join."""
+
 
 pytestmark = pytest.mark.skipif(
     "not config.getoption('benchmark_enable')", reason="compiles for minutes: run with make bench"
 )
 
+
 PEER_PROBLEMS, BLOCKS = 50, 10
+
+
 """Solvers take turns after each block of problems."""
 
+
 ROUNDS = 5
+
+
 """Repetitions of a real-time iteration's block, from the same guess."""
 
+
 SAME_TORQUE = 1e-4
+
+
 """Greatest difference of a torque of a converged solution, over the torque scale."""
 
+
 MOST_STEPS = 100
+
+
 """Steps after which an iteration is taken not to converge."""
+
 
 OWN = "own"
 
@@ -195,3 +335,54 @@ def test_steps_to_convergence_after_a_drop_of_adhesion(benchmark, case):
         f"\nsteps to {settings.tolerance:.0e}: median {np.median(steps):.0f}, worst {max(steps)}, reached by "
         f"{reached} of {len(steps)}; residual after one step: median {np.median(first):.1e}, worst {max(first):.1e}"
     )
+
+
+SEED, EVENTS = 2026, 3
+
+
+SAME_USE = 0.005
+
+
+"""Difference of the adhesion used that a solver may have in an event from the own iteration, both converged or neither."""
+
+
+EXACT = 1e-6
+
+
+"""Error of a quadratic program's solution up to which the iteration must run as the own; that of others is only told."""
+
+
+LEAST_SPEED_UP = 20.0
+
+
+"""Of the compiled step, with belief and search, over a solver that converges, in medians of CPU time."""
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Runs of the ways so far, by name."""
+    return {}
+
+
+@pytest.mark.parametrize("way", closed_loop.ways(), ids=lambda way: way.name)
+def test_in_the_closed_loop(benchmark, found, way):
+    if way.missing:
+        pytest.skip(way.missing)
+    events = [drawn_event(SEED, k) for k in range(EVENTS)]
+    runs = benchmark.pedantic(lambda: [closed_loop.run(way, event) for event in events], rounds=1)
+    found[way.name] = runs
+    row = closed_loop.table(runs).iloc[0]
+    benchmark.extra_info |= {name: float(value) for name, value in row.items()}
+    print("\n" + closed_loop.text(runs))
+    assert row["failures"] == 0
+    reference = closed_loop.OWN_CONVERGED if way.converges else closed_loop.COMPILED
+    different = closed_loop.differences([*found[reference], *runs], reference)[way.name]
+    benchmark.extra_info["difference of the adhesion used"] = different
+    if way.converges or way.name == closed_loop.OWN or row["step_error"] < EXACT:
+        assert different < SAME_USE
+    if way.converges and way.name != closed_loop.OWN_CONVERGED:
+        times, own = (
+            np.concatenate([one.asked.times for one in found[name]])
+            for name in (way.name, closed_loop.COMPILED)
+        )
+        assert np.median(times) > LEAST_SPEED_UP * np.median(own)

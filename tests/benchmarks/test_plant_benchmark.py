@@ -6,10 +6,15 @@ compared within one run only, with wide margins: the machine may be busy.
 
 import math
 import time
+from collections.abc import Callable
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
 
 import casadi
 import numpy as np
 import pytest
+from numpy.lib.mixins import NDArrayOperatorsMixin
 from scipy.integrate import solve_ivp
 
 from alloc.plant import engine as compiled
@@ -17,17 +22,93 @@ from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import Patch, Rail, logarithmic_increments
 from alloc.plant.sets import find_set
-from tests.benchmarks.jax_peer import advance_with_jax
+from studies.slides.jp4209318 import CALIBRATED, brake, brake_event
 from tests.plant.numpy_plant import environment_at, right_side, runge_kutta_step
 
+
+def load_jax() -> Any:
+    """The module, set to double precision; raises ModuleNotFoundError where it is not installed."""
+    jax = import_module("jax")
+    jax.config.update("jax_enable_x64", True)
+    return jax
+
+
+def _bare(part: Any) -> Any:
+    """Arguments as JAX takes them."""
+    if isinstance(part, Operand):
+        return part.value
+    return type(part)(map(_bare, part)) if type(part) in (list, tuple) else part
+
+
+class Operand(NDArrayOperatorsMixin):
+    """A value of JAX in an expression of NumPy."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    @property
+    def __class__(self) -> Any:
+        """The array model has one branch for arrays and one for symbols; this belongs to the first."""
+        return np.ndarray
+
+    def __array_ufunc__(self, function: Any, method: str, *operands: Any) -> "Operand":
+        return self.__array_function__(function, (), operands, {})
+
+    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> "Operand":
+        known = getattr(import_module("jax.numpy"), function.__name__)
+        return Operand(known(*_bare(args), **kwargs))
+
+    def __getitem__(self, place: Any) -> "Operand":
+        return Operand(self.value[_bare(place)])
+
+    def __getattr__(self, name: str) -> Any:
+        method: Callable[..., Any] = getattr(self.value, name)
+        return lambda *args, **kwargs: Operand(method(*args, **kwargs))
+
+
+def advance_with_jax(rate: Callable[..., Any], step: float, state: Any) -> Callable[[int], Any]:
+    """A function of the number of steps that takes `state`, (rows,) or (states, rows), so far; RK4, compiled.
+
+    `rate` is a right side of time and state, written for NumPy.
+    """
+    jax = load_jax()
+
+    def once(k: Any, now: Any) -> Any:
+        return runge_kutta_step(rate, Operand(k * step), step, Operand(now)).value
+
+    def run(start: Any, steps: Any) -> Any:
+        return jax.lax.fori_loop(0, steps, once, start)
+
+    several = np.ndim(state) == 2
+    compiled = jax.jit(jax.vmap(run, in_axes=(0, None)) if several else run)
+    start = jax.numpy.asarray(state)
+    return lambda steps: np.asarray(compiled(start, steps))
+
+
 SPEED = 20.0
+
+
 STATES = 64
+
+
 """States that JAX advances side by side."""
+
+
 STEPS = 20
+
+
 """Steps per round; a multiple of them where a way is fast."""
+
+
 PEER = "high-speed-16car"
+
+
 """The train on which all ways are measured."""
+
+
 STEP = {"one-axle": 5e-5, "freight-17": 5e-4}
+
+
 """Step of each train [s], where it is not the usual one."""
 
 
@@ -174,6 +255,8 @@ WAYS = {
     f"jax, {STATES} states": (lambda: _jax(STATES, False), 1, STATES),
     f"jax, {STATES} states, held": (lambda: _jax(STATES, True), 1, STATES),
 }
+
+
 """Way, how many times `STEPS` steps one round takes, and its states.
 
 Those named by a train are the compiled plant; "held": without the field of the rail and the tables.
@@ -218,3 +301,48 @@ def test_ratios(benchmark, cost):
     least |= {"casadi function, held": 5.0, "jax": 3.0, f"jax, {STATES} states": 1.5}
     for way, ratio in least.items():
         assert cost.get(way, math.inf) > ratio * cost[PEER], way
+
+
+SECONDS = 5.0
+
+
+LAWS = ("none", "threshold", "fuzzy")
+
+
+def _event(law: str):
+    event = replace(brake_event(CALIBRATED), duration=SECONDS)
+    braking = event.onboard.braking
+    protection = replace(braking.slide_protection, law=law)
+    onboard = replace(event.onboard, braking=replace(braking, slide_protection=protection))
+    return replace(event, onboard=onboard)
+
+
+@pytest.fixture(scope="module")
+def slide_cost():
+    """Milliseconds of the compiled loop per simulated second by law, filled in as the benchmarks run."""
+    return {}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_cost_per_simulated_second(benchmark, slide_cost, law):
+    event = _event(law)
+    run = brake(event)
+    assert run.sizes["axle"] == 12
+    if not benchmark.enabled:
+        benchmark(lambda: None)
+        return
+    walls = []
+    benchmark.pedantic(
+        lambda: walls.append(brake(event).attrs["wall_time_s"]), rounds=25, warmup_rounds=1
+    )
+    slide_cost[law] = 1e3 * min(walls) / SECONDS
+    benchmark.extra_info["ms per simulated second"] = round(slide_cost[law], 2)
+
+
+def test_slide_ratios(benchmark, slide_cost):
+    """Twenty decisions are a small part of a thousand steps; 10 ms per simulated second is the goal, told and not gated."""
+    benchmark(lambda: None)
+    if len(slide_cost) < len(LAWS):
+        pytest.skip("needs the costs of the whole module: run with --benchmark-enable")
+    benchmark.extra_info.update({law: round(value, 2) for law, value in slide_cost.items()})
+    assert slide_cost["fuzzy"] < 1.5 * slide_cost["none"]

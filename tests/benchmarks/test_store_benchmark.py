@@ -1,9 +1,11 @@
-"""The table of a study: one flush, opening and reading, with few and with many rows before, all in one run: `make bench`.
+"""What studies cost: a flush, opening and reading of their table, and how busy short tasks keep four workers. `make bench`.
 
-100,000 rows; a million with READHESION_FULL=1.
+Of the table 100,000 rows; a million with READHESION_FULL=1.
 """
 
 import os
+import time
+from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
@@ -11,17 +13,31 @@ import pyarrow as pa
 import pytest
 
 from alloc.metrics import METRICS
-from studies.core.cell import Key
+from studies.core.cell import Key, Task, key_of
 from studies.core.parts import FULL
+from studies.core.runner import do_task
 from studies.core.store import Store
+from studies.core.workers import cluster, processes
 
 MANY = 1_000_000 if os.environ.get("READHESION_FULL") else 100_000
+
+
 FLUSH = 80
+
+
 """Rows of two seconds at 40 rows per s."""
+
+
 NUMBERS = [*METRICS, *(f"measured {k}" for k in range(54 - len(METRICS)))]
+
+
 TEXTS = {"code_hash": 16 * "c", "scenario_hash": 16 * "5", "scenario": "random-0-0001", "rule": "exact",
          "controller": "cut-and-ramp", "status": "ok", "reason": "", "messages": "{}"}  # fmt: skip
+
+
 """As many columns as a row of the sweep `claims` has."""
+
+
 rng = np.random.default_rng(1)
 
 
@@ -65,3 +81,46 @@ def test_reading_of_40000(benchmark, filled):
     keys = [Key("", cell, "") for cell in columns(10_000, 40_000)["cell"].to_pylist()]
     store.cells(keys)
     assert len(benchmark.pedantic(partial(store.rows_of, keys), rounds=3)) == 40_000
+
+
+WORKERS = 4
+
+
+TASKS = 200
+
+
+def pause(k: int, seconds: float) -> dict[str, int]:
+    """A short task that needs no processor, so that four of them fit on two cores."""
+    time.sleep(seconds)
+    return {"k": k}
+
+
+@contextmanager
+def dask():
+    from distributed import LocalCluster
+
+    place = {"dashboard_address": "127.0.0.1:0", "silence_logs": 50}
+    here = LocalCluster(n_workers=WORKERS, threads_per_worker=1, **place)
+    with here, cluster(here.scheduler_address) as others:
+        yield others
+
+
+@pytest.mark.parametrize("seconds", [0.02, 0.1])
+@pytest.mark.parametrize("made", [lambda: processes(WORKERS), dask], ids=["processes", "dask"])
+def test_short_tasks_elsewhere(benchmark, made, seconds):
+    if not benchmark.enabled:
+        pytest.skip("measures time alone")
+    cells = [Task(f"{k}", pause, (k, seconds)) for k in range(TASKS)]
+    tasks = [[(cell, key_of(cell), False)] for cell in cells]
+
+    with made() as others:
+
+        def all_tasks():
+            for future in [others.submit(do_task, task, "") for task in tasks]:
+                future.result()
+
+        all_tasks()  # processes begin, and import
+        benchmark.pedantic(all_tasks, rounds=3)
+    busy = seconds * TASKS / (WORKERS * benchmark.stats["min"])
+    benchmark.extra_info["share of the workers' time in tasks"] = round(busy, 3)
+    assert busy > 0.5

@@ -1,43 +1,80 @@
-"""Slide counts to increments: the pipeline gives (15) back, within the sampling error that it states."""
+"""Slide counts to increments, within the sampling error that is stated; and what a train has learnt stays with it."""
 
 import numpy as np
 import pytest
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.stats import norm
 
 from alloc.errors import EstimationError
 from alloc.estimation.increments import (
     LEAD_LOG_MEAN,
+    SIGMA,
     SYNTHETIC_TABLE,
     AxleShifts,
     SlideCounts,
     axle_shifts,
     conventional_increments,
     fit_increments,
+    learnt_in,
+    load_learning,
     read_slide_counts,
+    save_learning,
     unit_increments,
 )
+from alloc.onboard.increment_learning import Increments, LearntIncrements
 from alloc.plant.rail import logarithmic_increments
-from tests.estimation.slide_draws import draw_slide_counts, slide_probability
+from tests.cases import looped
+
+
+def slide_probability(
+    shift: NDArray[np.float64], lead: NDArray[np.float64], sigma: float = SIGMA
+) -> NDArray[np.float64]:
+    """Slides of each axle over the lead car's mean, (14): Phi(-shift / sigma) over its mean for `lead`.
+
+    `shift` (axles,), `lead` (any,): how much higher the mean coefficients lie than the planned one.
+    """
+    return np.asarray(norm.cdf(-shift / sigma) / norm.cdf(-lead / sigma).mean())
+
+
+def draw_slide_counts(
+    increments: NDArray[np.float64], slides_per_lead_axle: float, seed: int, sigma: float = SIGMA
+) -> SlideCounts:
+    """A synthetic table for axles with `increments` (axles,), drawn from (14): Poisson counts.
+
+    `slides_per_lead_axle`: expected count of an axle at the planned coefficient, which fixes the sampling error.
+    """
+    expected = 2.0 * slides_per_lead_axle * norm.cdf(-np.asarray(increments) / sigma)
+    slides = np.random.default_rng(seed).poisson(expected)
+    source = (
+        f"SYNTHETIC, drawn from JP5484215 (14): seed {seed}, {slides_per_lead_axle:g} slides expected of an axle at "
+        f"the planned coefficient, standard deviation {sigma:g}"
+    )
+    return SlideCounts(slides, source)
+
 
 SLOPE, OFFSET = 0.0083, -0.0066  # JP5484215 (15)
-TRUE = logarithmic_increments(64)
+
+
+GROWTH = logarithmic_increments(64)
 
 
 def test_expected_counts_give_the_increments_back_exactly():
     # without sampling error only the lead car's mean, which is not quite the planned coefficient, shifts all alike
-    expected = 1e9 * slide_probability(TRUE, TRUE[:4])
+    expected = 1e9 * slide_probability(GROWTH, GROWTH[:4])
     shifts = axle_shifts(SlideCounts(expected.round()))
-    common = shifts.shift - TRUE
+    common = shifts.shift - GROWTH
     assert np.ptp(common) < 2e-4
     assert abs(common.mean()) < 5e-4
 
 
 def test_mean_slide_of_the_lead_car_is_one():
-    assert slide_probability(TRUE[:4], TRUE[:4]).mean() == pytest.approx(1.0)
+    assert slide_probability(GROWTH[:4], GROWTH[:4]).mean() == pytest.approx(1.0)
 
 
 def test_stated_errors_are_those_of_repeated_counts():
     fits = [
-        fit_increments(axle_shifts(draw_slide_counts(TRUE, 250.0, seed))) for seed in range(300)
+        fit_increments(axle_shifts(draw_slide_counts(GROWTH, 250.0, seed))) for seed in range(300)
     ]
     slopes = np.array([fit.slope for fit in fits])
     stated = np.array([fit.slope_deviation for fit in fits])
@@ -61,7 +98,7 @@ def test_shipped_synthetic_table_recovers_the_printed_fit():
 
 def test_shipped_table_is_what_its_seed_draws():
     counts = read_slide_counts(SYNTHETIC_TABLE)
-    assert counts.slides.tolist() == draw_slide_counts(TRUE, 250.0, seed=1).slides.tolist()
+    assert counts.slides.tolist() == draw_slide_counts(GROWTH, 250.0, seed=1).slides.tolist()
 
 
 def test_offset_makes_the_lead_car_the_reference():
@@ -86,7 +123,7 @@ def test_line_through_exact_shifts():
     assert fit.offset == pytest.approx(-0.01 * np.log([1, 2, 3, 4]).mean())
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@looped("seed", [1, 2, 3])
 def test_the_line_is_that_of_the_library_and_its_error_that_of_the_weighted_sums(seed):
     rng = np.random.default_rng(seed)
     root, log = rng.normal(size=(9, 9)), np.log(np.arange(1, 10))
@@ -99,7 +136,7 @@ def test_the_line_is_that_of_the_library_and_its_error_that_of_the_weighted_sums
     assert fit.slope_deviation == pytest.approx(np.sqrt(gain @ shifts.covariance @ gain), rel=1e-9)
 
 
-@pytest.mark.parametrize(
+@looped(
     "axle_unit",
     [
         [-1, -1, -1, -1, 0, 0, 0, 0, 1, 1, 1, 1],  # 1C4M behind a trailer
@@ -109,20 +146,20 @@ def test_the_line_is_that_of_the_library_and_its_error_that_of_the_weighted_sums
 )
 def test_increment_of_a_unit_is_its_axles_mean_over_the_foremost_units(axle_unit):
     axle_unit = np.array(axle_unit)
-    increments = unit_increments(TRUE[:12], axle_unit)
+    increments = unit_increments(GROWTH[:12], axle_unit)
     assert increments[0] == 0.0
     for j, value in enumerate(increments):
         assert value == pytest.approx(
-            TRUE[:12][axle_unit == j].mean() - TRUE[:12][axle_unit == 0].mean()
+            GROWTH[:12][axle_unit == j].mean() - GROWTH[:12][axle_unit == 0].mean()
         )
 
 
 def test_conventional_correction_grows_with_speed_and_keeps_the_reference():
-    slow, fast = (conventional_increments(TRUE, v / 3.6) for v in (30.0, 130.0))
+    slow, fast = (conventional_increments(GROWTH, v / 3.6) for v in (30.0, 130.0))
     assert np.all(np.abs(fast) >= np.abs(slow))
     assert slow[:4].mean() == pytest.approx(0.0, abs=5e-5)
     # by hand at 130 km/h: (7.5 / 174 + 0.161) / (13.6 / 215) = 3.227
-    assert fast[63] / TRUE[63] == pytest.approx((7.5 / 174 + 0.161) / (13.6 / 215))
+    assert fast[63] / GROWTH[63] == pytest.approx((7.5 / 174 + 0.161) / (13.6 / 215))
 
 
 def test_axles_without_information_are_left_out():
@@ -140,7 +177,7 @@ def test_table_reads_back(tmp_path):
     assert counts.source == "counted by hand"
 
 
-@pytest.mark.parametrize(
+@looped(
     ("text", "message"),
     [
         ("axle,slides\n1,5\n3,4\n", "line 3: axle 3 where 2 was due"),
@@ -163,9 +200,9 @@ def test_bad_values_are_refused(tmp_path):
     with pytest.raises(EstimationError, match="cannot be read"):
         read_slide_counts(tmp_path / "none.csv")
     with pytest.raises(EstimationError, match="law = 'dry'"):
-        conventional_increments(TRUE, 10.0, "dry")
+        conventional_increments(GROWTH, 10.0, "dry")
     with pytest.raises(EstimationError, match="speed = nan"):
-        conventional_increments(TRUE, float("nan"))
+        conventional_increments(GROWTH, float("nan"))
     with pytest.raises(EstimationError, match=r"axle 2 has 4.5; counts are whole"):
         SlideCounts(np.array([5, 4.5, 4, 4, 3]))
     with pytest.raises(EstimationError, match="at least 3"):
@@ -197,3 +234,54 @@ def test_shift_and_error_of_an_axle_by_hand():
     density = np.exp(-0.5 * 0.12566134685507416**2) / np.sqrt(2 * np.pi)
     relative = np.sqrt(1 / 36 + 1 / 160)
     assert shifts.deviation[4] == pytest.approx(0.012 * 0.45 / density * relative, rel=1e-9)
+
+
+LEARNT = LearntIncrements(
+    (0.0, 0.011), (0.0, 0.004), (10.0, 25.0), (0.0, 0.013), (0.0, 1.0), (0.0, 3.0)
+)
+
+
+OTHER = LearntIncrements(*(tuple(0.1 / 3.0 for _ in range(4)) for _ in range(6)))
+
+
+def test_a_file_keeps_everything(tmp_path):
+    path = tmp_path / "learnt.json"
+    save_learning(path, "train", {"forward": LEARNT, "backward": OTHER})
+    assert load_learning(path, "train") == {"forward": LEARNT, "backward": OTHER}
+
+
+def test_no_file_is_no_experience(tmp_path):
+    assert load_learning(tmp_path / "none.json", "train") == {}
+
+
+def test_a_run_says_what_is_known_by_its_end():
+    run = xr.Dataset(
+        {f"learnt_{name}": ("unit", np.array(getattr(LEARNT, name))) for name in Increments._fields}
+    )
+    assert learnt_in(run) == LEARNT
+    with pytest.raises(EstimationError, match="nothing is learnt in this run"):
+        learnt_in(xr.Dataset())
+
+
+@looped(
+    ("content", "message"),
+    [
+        ("{", "damaged"),
+        ("[]", "damaged"),
+        ('{"train": "train", "directions": {"up": {}}}', "damaged.*up"),
+        ('{"train": "train", "directions": {"forward": {"magic": [1.0]}}}', "damaged.*magic"),
+        ('{"train": "train", "directions": {"forward": {"increment": [0.0]}}}', "damaged"),
+        ('{"train": "train", "directions": {"forward": 3}}', "damaged"),
+        ('{"train": "other", "directions": {}}', "belongs to train 'other'"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path, content, message):
+    path = tmp_path / "learnt.json"
+    path.write_text(content)
+    with pytest.raises(EstimationError, match=message):
+        load_learning(path, "train")
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(EstimationError, match="cannot be written"):
+        save_learning(tmp_path / "no" / "learnt.json", "train", {})

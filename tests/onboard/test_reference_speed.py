@@ -28,9 +28,8 @@ from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, DraftGear
 from alloc.simulation import DriverCommand, Event, simulate
 from studies.ladder.events import scenario
-from studies.wsp_acceptance.events import gripping, stop_of
-from studies.wsp_acceptance.measures import measured, stopped_run
-from studies.wsp_acceptance.stop_cases import discs
+from studies.stops.acceptance_cases import discs, measured, stopped_run
+from studies.stops.acceptance_stops import gripping, stop_of
 
 SEED = 50
 """Of ladder events."""

@@ -11,7 +11,7 @@ from alloc.onboard.host import CONTROLLERS, HostedController
 from alloc.rules import RULES
 from paper_figs.style import OTHER_COLOUR
 from studies.comparison.defaults import SLOW_CONTROLLER
-from studies.core.arms import COMPARED
+from studies.core.drawn_events import COMPARED
 
 SIGHTS = (None, "deuteranomaly", "protanomaly", "tritanomaly")
 """Full colour vision, and each kind of its loss (Machado et al. 2009)."""

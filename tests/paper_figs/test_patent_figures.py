@@ -15,14 +15,13 @@ from paper_figs.patent import (
     learning,
 )
 from paper_figs.rules import differences
-from studies.claims.statements import LAYERS
-from studies.claims.study import CLAIMS as CLAIM_STUDY
-from studies.core.arms import COMPARED, Arm
+from studies.core.drawn_events import COMPARED, Arm
 from studies.core.statement import FAILS, HOLDS
 from studies.core.store import Store
 from studies.core.study import Study
-from studies.differences.study import DIFFERENCES
-from studies.learning.series import TOLERANCE
+from studies.patent.claims_study import CLAIM_STUDY, LAYERS
+from studies.patent.differences_study import DIFFERENCES
+from studies.patent.learning_study import TOLERANCE
 from tests.studies.learning_tables import falling
 from tests.studies.learning_tables import synthetic as learning_table
 from tests.studies.sweep_tables import claim_table as synthetic
@@ -50,7 +49,7 @@ def test_differences_show_the_quartiles_of_the_problems(tmp_path):
 
 def test_verdicts_are_drawn_over_their_thresholds(monkeypatch):
     """Dots are the estimates in the colour of the verdict; the line is the threshold; the shade the side claimed."""
-    for module in ("studies.claims.statements", "paper_figs.patent"):
+    for module in ("studies.patent.claims_study", "paper_figs.patent"):
         monkeypatch.setattr(f"{module}.ARMS", (Arm("greedy", "cut-and-ramp"),))
     table = synthetic(
         120, lambda row: row | ({"unit_use_low": 0.8} if row["rule"] == "greedy" else {})

@@ -1,4 +1,4 @@
-"""What the tests know of the plant beside its right side, with NumPy: its true environment, and RK4."""
+"""What the tests know of the plant beside its right side: its environment and RK4 with NumPy; the compiled rate."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.plant import engine as compiled
 from alloc.plant.array_model import ArrayModel, Local
+from alloc.plant.engine import derivative
 from alloc.plant.laws import speed_decline
 from alloc.plant.model import Inputs, Model
 from alloc.plant.operations import maximum, minimum, sine
@@ -19,6 +21,7 @@ from alloc.plant.rail import (
     window,
 )
 from alloc.plant.train import EFFORT_SPEED_STEP
+from tests.compiled_part import from_python
 
 
 def _table(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -93,3 +96,23 @@ def runge_kutta_step(rate: Callable[..., Any], time: Any, step: float, state: An
     c = rate(time + 0.5 * step, state + 0.5 * step * b)
     d = rate(time + step, state + step * c)
     return state + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+
+
+_pack, _unpack, _derivative = map(from_python, (compiled.pack, compiled.unpack, derivative))
+
+
+def compiled_rate(model, state, inputs, time=0.0, cleaning=None, sand=None):
+    """Derivative of `state` (rows,) at `time` [s], and the peak coefficient of every axle."""
+    w = compiled.workspace(model, 1e-3)
+    n, c = model.layout, w.scratch
+    c.slope[:] = np.nan
+    c.command[: n.units], c.target[: n.groups], c.valve[: n.groups], _ = inputs
+    if cleaning is not None:
+        c.cleaning.under[: n.axles] = cleaning
+    if sand is not None:
+        c.sand.under[: n.axles] = sand
+    _pack(w, state, c.state)
+    _derivative(w, time, c.state, c.slope)
+    slope = np.empty_like(state)
+    _unpack(w, c.slope, slope)
+    return slope, c.peak[: n.axles].copy()

@@ -8,9 +8,14 @@ import pytest
 from alloc.rules import RULES, Allocation, Rule
 from alloc.rules.problem import CASE_B, allocation
 from alloc.rules.testing import KNOWN, RULE_LAWS, BrokenLaw, check_rule, laws_of_rule, verdict
+from tests.cases import looped
 
 ROUNDING = 1e-11
+
+
 """Largest amount of the project's own rules, as a share of the plan; the kit allows others a hundred times as much."""
+
+
 PROMISED = {
     "exact": {"exact", "qp", "qp-cvxpy", "qp-robust", "cooperative", "oracle"},
     "reference": {"greedy", "greedy-literal", "greedy-tuned"},
@@ -18,14 +23,14 @@ PROMISED = {
 }
 
 
-@pytest.mark.parametrize("rule", RULES.values(), ids=list(RULES))
+@looped("rule", RULES.values())
 def test_every_rule_keeps_what_it_promises(rule):
     assert rule.name in PROMISED[rule.promise]
     found = check_rule(rule, examples=100)
     assert not [one for one in found if one.worst > ROUNDING]
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@looped("name", KNOWN)
 def test_known_answers_are_those_of_the_projects_rules(name):
     problem, exact, greedy = KNOWN[name]
     for rule, limits in (("exact", exact), ("greedy", greedy)):
@@ -108,10 +113,12 @@ FAULTS = {
     "gives up": (lambda p: exact(p, status="gave up"), "exact", "status", "gave up"),
     "claim": (RULES["greedy-claim"], "reference", "reference", "cap="),
 }  # fmt: skip
+
+
 """Fault -> rule, promise, a law that it breaks, words of the message."""
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@looped("fault", FAULTS)
 def test_a_faulty_rule_is_told_the_law_the_worst_value_and_a_small_counterexample(fault):
     answer, promise, name, words = FAULTS[fault]
     rule = Rule("mine", "", answer, promise=promise)

@@ -1,4 +1,4 @@
-"""The contract that all rules share, the prior art's rules, and what happens without a solver."""
+"""The contract that all rules share, the prior art's and the project's own rule, and what is refused."""
 
 import sys
 from dataclasses import replace
@@ -7,11 +7,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from alloc.metrics import evaluate
 from alloc.rules import RULES, AllocationError, AllocationProblem, find_rule, qp
 from alloc.rules.dispatch import COMPILED, allocate_compiled, compiled_index
+from alloc.rules.exact import cooperative_law
 from alloc.rules.problem import CASES
-from alloc.rules.rule import TRIGGERS, Caps, Trigger, units_of
+from alloc.rules.rule import TRIGGERS, Caps, Trigger, Units, units_of
 from alloc.rules.testing import EXPECTED, problems
+from alloc.simulation import simulate
+from studies.scenario.loading import load_scenario
+from tests.cases import looped
 
 NAMES = [
     "alone",
@@ -142,9 +147,7 @@ def test_every_rule_with_a_law_is_known_to_compiled_code():
     assert compiled_index(find_rule("qp")) == -1
 
 
-@pytest.mark.parametrize(
-    ("name", "near"), [("greedi", "greedy"), ("exakt", "exact"), ("qp_cvxpy", "qp-cvxpy")]
-)
+@looped(("name", "near"), [("greedi", "greedy"), ("exakt", "exact"), ("qp_cvxpy", "qp-cvxpy")])
 def test_unknown_rule_is_refused_with_the_nearest_name(name, near):
     with pytest.raises(AllocationError, match=f"{name}.*did you mean '{near}'"):
         find_rule(name)
@@ -191,3 +194,132 @@ def test_change_of_masses_reaches_the_workspace():
         assert find_rule("qp")(problem).limit == pytest.approx(
             find_rule("exact")(problem).limit, abs=1e-9
         )
+
+
+GOOD = {"cap": [0.1, 0.2], "expected": 0.15}
+
+
+@looped(
+    ("changes", "message"),
+    [
+        ({"cap": [0.1, np.nan]}, r"cap\[1\] = nan"),
+        ({"cap": [-0.1, 0.2]}, r"cap\[0\] = -0.1"),
+        ({"cap": [0.1, np.inf]}, r"cap\[1\] = inf"),
+        ({"cap": []}, r"cap has shape \(0,\)"),
+        ({"cap": [[0.1, 0.2]]}, r"cap has shape \(1, 2\)"),
+        ({"cap": "wet"}, r"cap = 'wet' must be an array of numbers"),
+        ({"cap": 0.1}, r"cap has shape \(\)"),
+        ({"expected": 0.0}, "expected = 0.0"),
+        ({"expected": -0.1}, "expected = -0.1"),
+        ({"expected": np.nan}, "expected = nan"),
+        ({"expected": None}, "expected = None"),
+        ({"expected": True}, "expected = True"),
+        ({"expected": [0.1]}, r"expected = \[0.1\]"),
+        ({"mass": [1.0, 0.0]}, r"mass\[1\] = 0.0 must be finite and greater than 0"),
+        ({"mass": [1.0, -1.0]}, r"mass\[1\] = -1.0 must be finite and greater than 0"),
+        ({"mass": [1.0]}, r"mass has shape \(1,\), must be \(2,\)"),
+        ({"mass": [1.0, np.nan]}, r"mass\[1\] = nan"),
+        ({"limit_max": [0.1, -1.0]}, r"limit_max\[1\] = -1.0 must be a number 0 or greater"),
+        ({"limit_max": [0.1, np.nan]}, r"limit_max\[1\] = nan"),
+        ({"previous": [0.1, np.inf]}, r"previous\[1\] = inf"),
+        ({"rate": 0.1}, "give previous too"),
+        ({"previous": [0.1, 0.1], "rate": -0.1}, r"rate\[0\] = -0.1"),
+        ({"previous": [0.1, 0.1], "rate": [0.1, 0.1, 0.1]}, r"rate has shape \(3,\)"),
+        ({"delivered": [np.nan, 0.1]}, r"delivered\[0\] = nan"),
+        ({"truth": [0.1, -0.2]}, r"truth\[1\] = -0.2"),
+        ({"deviation": [0.01, -0.01]}, r"deviation\[1\] = -0.01"),
+        ({"deviation": [0.01, np.inf]}, r"deviation\[1\] = inf"),
+        ({"deviation": 0.01}, r"deviation has shape \(\), must be \(2,\)"),
+        ({"slip": "yes"}, "slip = 'yes' must be True or False"),
+    ],
+)
+def test_is_refused_by_name_and_value(changes, message):
+    with pytest.raises(AllocationError, match=message) as caught:
+        AllocationProblem(**(GOOD | changes))
+    assert isinstance(caught.value, ValueError)
+    assert "\n" not in str(caught.value)
+
+
+def test_infinite_torque_limits_and_rates_are_no_limits():
+    AllocationProblem(**GOOD, limit_max=[np.inf, np.inf], previous=[0.1, 0.1], rate=np.inf)
+
+
+def test_the_problem_keeps_its_own_copy():
+    cap = np.array([0.1, 0.2])
+    problem = AllocationProblem(cap, 0.15)
+    cap[0] = 9.0
+    assert problem.cap.tolist() == [0.1, 0.2]
+    with pytest.raises(ValueError, match="read-only"):
+        problem.cap[0] = 1.0
+
+
+PLAN = 0.16
+
+
+@given(problem=problems(24))
+def test_its_law_gives_the_plan_at_least_and_within_reach_no_more_than_exact_needs(problem):
+    problem = problem.changed(rate=None, previous=None)
+    limit = np.empty(problem.n)
+    units = units_of(problem)
+    level, reached = cooperative_law(units, EXPECTED, limit)
+    exact = find_rule("exact")(problem)
+    np.testing.assert_equal(level, exact.level)
+    assert reached == (exact.case == "B")
+    most = np.minimum(max(EXPECTED, level) if reached else np.inf, units.limit_max)
+    assert np.all(limit >= np.minimum(EXPECTED, units.limit_max))
+    assert np.all(limit <= most + 1e-15)
+
+
+def limits(cap, upper_bound, most=1.0, plan=PLAN, needed=None):
+    """Limits and level of units of equal mass, limited at `cap` and open to `upper_bound`, that together need `needed`."""
+    cap, upper_bound = np.asarray(cap, dtype=float), np.asarray(upper_bound, dtype=float)
+    same = np.ones(cap.size)
+    out = np.empty(cap.size)
+    units = Units(cap, same, most * same, out, cap, cap, upper_bound, plan)
+    level, reached = cooperative_law(units, plan if needed is None else needed, out)
+    return out, level, reached
+
+
+def test_others_make_up_for_what_a_limited_unit_lacks():
+    found, level, reached = limits([0.10, np.inf, np.inf, np.inf], [0.106, np.inf, np.inf, np.inf])
+    assert reached
+    assert level == pytest.approx(0.18)
+    assert found == pytest.approx([PLAN, 0.18, 0.18, 0.18])
+
+
+def test_no_limit_is_below_the_plan_or_above_what_motors_can():
+    found, _, _ = limits([0.10, 0.12, 0.2], [0.106, 0.127, 0.212], most=0.15)
+    assert found == pytest.approx([0.15, 0.15, 0.15])
+
+
+def test_out_of_reach_each_unit_has_room_to_search_the_best_one_too():
+    found, _, reached = limits([0.10, 0.15, 0.17], [0.106, 0.159, 0.1802])
+    assert not reached
+    assert found == pytest.approx([PLAN, PLAN, 0.1802])
+
+
+def test_what_trailers_lack_is_asked_of_units_with_room_alone():
+    """One that its rail limits below the plan keeps the plan: asked for more it would slip, and fill up with air."""
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        needed = PLAN * rng.uniform(0.9, 1.2)
+        cap = np.where(rng.random(8) < 0.4, PLAN * rng.uniform(0.3, 0.9, 8), np.inf)
+        found, level, reached = limits(cap, 1.06 * cap, needed=needed)
+        room = np.isinf(cap)
+        assert reached == (room.any() or cap.mean() > needed)
+        np.testing.assert_allclose(found[~room], PLAN)
+        # what shoes give beyond their part, while cylinders empty, lowers no limit
+        np.testing.assert_allclose(found[room], max(level, PLAN))
+        if reached:
+            assert np.where(room, level, cap).mean() == pytest.approx(needed)
+
+
+@looped(("name", "gain"), [("wet-front", 0.03), ("long-train", 0.015)])
+def test_where_there_is_headroom_a_searching_controller_gains_most_of_it(name, gain):
+    event = load_scenario(name).event()
+    alone, own = (
+        evaluate(simulate(event, rule, "perturb-observe")) for rule in ("alone", "cooperative")
+    )
+    assert own["bound_use"] - alone["bound_use"] > gain
+    assert own["bound_use"] > 0.99
+    assert own["over_delivery"] < 0.005

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.errors import OnboardError
 from alloc.event import DriverCommand
 from alloc.metrics import evaluate
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
@@ -15,6 +14,7 @@ from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.rules import Caps, Trigger, find_rule
 from alloc.simulation import simulate
+from tests.cases import looped
 
 
 def dropouts(axles, begin=2.0, until=5.0):
@@ -46,8 +46,8 @@ def test_an_axle_without_signal_slips_unnoticed_while_the_others_hold(make_event
     assert slip[1] > 2.0 * slip[0]
 
 
-@pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
-@pytest.mark.parametrize("trigger", ["slip", "limited"])
+@looped("share", [0.3, 0.5, 1.0])
+@looped("trigger", ["slip", "limited"])
 def test_a_blind_unit_pulls_its_share_and_recovers_afterwards(make_event, trigger, share):
     onboard = replace(dropouts(range(4, 8)), trigger=trigger)
     onboard = replace(onboard, sensors=replace(onboard.sensors, blind_share=share))
@@ -72,23 +72,7 @@ def test_a_blind_unit_pulls_its_share_and_recovers_afterwards(make_event, trigge
     assert run.attrs["blinded"] == 1
 
 
-def test_a_train_that_sees_no_axle_at_all_goes_on(make_event):
-    run = simulate(make_event(0.30, onboard=dropouts(range(20), 2.0, 4.0)), "greedy")
-    assert run.attrs["blinded"] == 3
-    blind = run.sel(time=slice(2.1, 3.9))
-    assert np.all(np.diff(blind["speed"].values) > 0.0)
-    # the reference speed is then what the driver's command makes of the last one known
-    error = np.abs(blind["reference_speed"] - blind["speed"]).values.max()
-    assert error < 0.75 * 0.6 * 2.0
-
-
-def test_what_loses_its_signals_twice_is_blinded_twice(make_event):
-    pairs = [Dropout(k, begin, begin + 0.5) for k in range(4, 8) for begin in (2.0, 4.0)]
-    run = simulate(make_event(0.30, onboard=Onboard(sensors=Sensors(dropouts=tuple(pairs)))))
-    assert run.attrs["blinded"] == 2
-
-
-@pytest.mark.parametrize("rule", ["alone", "greedy", "exact"])
+@looped("rule", ["alone", "greedy", "exact"])
 def test_dropouts_leave_the_random_numbers_alone(make_event, rule):
     noisy = Sensors(speed_noise=0.01, seed=3)
     lost = replace(noisy, dropouts=(Dropout(4, 4.0, 5.0),))
@@ -101,16 +85,7 @@ def test_dropouts_leave_the_random_numbers_alone(make_event, rule):
         np.testing.assert_array_equal(one[name].values[before], other[name].values[before])
 
 
-def test_dropouts_that_cannot_be_are_refused():
-    with pytest.raises(OnboardError, match="axle = -1"):
-        Dropout(-1, 0.0)
-    with pytest.raises(OnboardError, match=r"begin = 3\.0 must lie before until"):
-        Dropout(1, 3.0, 2.0)
-    with pytest.raises(OnboardError, match="dropouts need sensors"):
-        Sensors(sensorless_pole=20.0, dropouts=(Dropout(1, 0.0),))
-
-
-@pytest.mark.parametrize("loss", [0.5, 0.9])
+@looped("loss", [0.5, 0.9])
 def test_telegrams_are_counted_and_units_fall_back_in_silence(make_event, loss):
     onboard = Onboard(telegrams=Telegrams(loss=loss, silence=0.35))
     run = simulate(make_event(0.10, onboard=onboard, duration=12.0), "greedy")
@@ -158,7 +133,7 @@ class FailingRule:
         return replace(answer, limit=np.asarray(problem.previous), status="time limit reached")
 
 
-@pytest.mark.parametrize("every", [1, 3])
+@looped("every", [1, 3])
 def test_a_rule_whose_solver_fails_is_counted_and_the_last_limits_stand(make_event, every):
     rule = FailingRule(every)
     run = simulate(make_event(0.10), rule)
@@ -193,7 +168,7 @@ FAILURES = {
 }
 
 
-@pytest.mark.parametrize("kind", FAILURES)
+@looped("kind", FAILURES)
 def test_where_a_controller_fails_its_unit_cuts_and_ramps(make_event, kind):
     failing = HostedController(
         "failing", "fails", each_unit(lambda context: FailingController(FAILURES[kind]))
@@ -226,7 +201,7 @@ def test_a_controller_that_fails_throughout_is_cut_and_ramp(make_event):
         np.testing.assert_array_equal(run[name], reserve[name])
 
 
-@pytest.mark.parametrize(("rule", "trigger"), [("greedy", "slip"), ("alone", "limited")])
+@looped(("rule", "trigger"), [("greedy", "slip"), ("alone", "limited")])
 def test_a_failed_unit_costs_its_share_and_no_more(make_event, rule, trigger):
     onboard = Onboard(trigger=trigger)
     whole = simulate(make_event(0.30, onboard=onboard), rule)
@@ -240,7 +215,7 @@ def test_a_failed_unit_costs_its_share_and_no_more(make_event, rule, trigger):
     )
 
 
-@pytest.mark.parametrize("rule", ["greedy", "greedy-claim", "exact", "qp", "cooperative"])
+@looped("rule", ["greedy", "greedy-claim", "exact", "qp", "cooperative"])
 def test_the_others_make_up_for_a_failed_unit_where_the_rail_lets_them(make_event, rule):
     """At once, and with no more than the plan, though nothing slips that would tell how far they may go."""
     run = simulate(make_event(0.40, failures={1: 3.0}), rule)

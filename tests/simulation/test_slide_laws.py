@@ -1,7 +1,5 @@
 """The laws of JP4209318 (5) to (29) in runs of the plant: braked with slide, with readhesion, without slide, and driven."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
@@ -11,8 +9,8 @@ from alloc.estimation.wheel_damage import tangential_force, wheel_damage
 from alloc.plant.laws import GRAVITY
 from alloc.plant.sets import find_set
 from studies.logs.measured_run import applied_force
+from tests.cases import looped
 from tests.simulation.slides import (
-    PLAIN_RAIL,
     START,
     TRAIN,
     braked,
@@ -23,6 +21,8 @@ from tests.simulation.slides import (
 )
 
 RADIUS, INERTIA, AXLES = 0.43, 120.0, 12
+
+
 ROTATING = INERTIA / RADIUS**2
 
 
@@ -159,22 +159,13 @@ def test_the_bracket_of_the_damage_is_load_times_coefficient(run):
     assert from_locked.size == 0 or np.median(from_locked) < 1e-4 * expected.max()
 
 
-def test_the_run_converges_with_the_step():
-    works = [
-        braked(readhering, step=step)["friction_work"].values[-1].sum()
-        for step in (1e-3, 5e-4, 2.5e-4)  # the first is the step that everything runs with
-    ]
-    np.testing.assert_allclose(works[:2], works[2], rtol=1e-9)
-
-
-@pytest.mark.parametrize(
+@looped(
     ("make", "name", "bound"),
     [
         (braked, "jp4209318-3car", 1e-4),
         (lambda: braked(readhering), "jp4209318-3car", 1e-5),
         (driven, "commuter-8car", 1e-3),
     ],
-    ids=["braked", "readhering", "driven"],
 )
 def test_damage_from_the_series_is_the_plants_friction_work(make, name, bound):
     """(28) at records of 10 ms against the friction work that the plant integrates with its own step."""
@@ -199,17 +190,6 @@ def test_a_recorded_shoe_force_is_taken_as_it_is():
         applied_force(run, find_set("commuter-8car"))
 
 
-def test_with_the_wrong_sign_of_the_inertia_the_damage_is_wrong():
-    """The trap of positive speeds: not a bound of any law, but large enough for the tests above to see it."""
-    run = braked(readhering)
-    arguments = (applied_force(run, TRAIN), omega(run), run["speed"].values, INERTIA, RADIUS)
-    right = wheel_damage(run["time"].values, *arguments)[-1].sum()
-    slip = RADIUS * arguments[1] - arguments[2][:, None]
-    product = np.trapezoid(arguments[0] * slip, run["time"].values, axis=0).sum()
-    wrong = 2.0 * product - right
-    assert abs(wrong / right - 1.0) > 0.05
-
-
 def test_without_slide_there_is_hardly_any_damage():
     """(29), but for creep: an elastic wheel that brakes at all slips a little, and that dissipates."""
     run = without_slide()
@@ -225,10 +205,3 @@ def test_without_slide_there_is_hardly_any_damage():
         run["time"].values, applied_force(run, TRAIN), rolling, run["speed"].values, INERTIA, RADIUS
     )
     assert np.abs(none).max() < 1e-9 * energy
-
-
-def test_behind_sliding_wheels_the_rail_is_better():
-    """Par. 0053: the plain rail of these tests leaves out what makes the rear slide less."""
-    conditioned = braked(rail=replace(PLAIN_RAIL, conditioning=0.25), duration=6.0)
-    slide = -conditioned["slip_velocity"].values[-1]
-    assert slide[0] > slide[-1]

@@ -6,8 +6,8 @@ from typing import Any
 
 import pandas as pd
 
-from studies.wsp_acceptance.events import event_name
-from studies.wsp_acceptance.stop_cases import drawn_case, table_cases
+from studies.stops.acceptance_cases import drawn_case, table_cases
+from studies.stops.acceptance_stops import event_name
 
 Row = dict[str, Any]
 Change = Callable[[Row], Row]
@@ -18,7 +18,7 @@ GOOD: Row = {
 
 
 def acceptance_table(change: Change = lambda row: row) -> pd.DataFrame:
-    """Rows of the default sweep as `studies.wsp_acceptance.study` makes them; `change` alters each."""
+    """Rows of the default sweep as `studies.stops.wsp_acceptance_study` makes them; `change` alters each."""
     return pd.DataFrame([change(dict(row)) for row in _good_rows()])
 
 

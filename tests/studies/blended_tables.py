@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.blended.events import SOURCES, event_name
-from studies.blended.statements import ARMS, NUMBERS, TRUTH
-from studies.blended.study import meant
+from studies.stops.blended_events import SOURCES, event_name
+from studies.stops.blended_study import ARMS, NUMBERS, TRUTH, meant
 
 Row = dict[str, Any]
 GAINS = {"cut-and-ramp": 0.0, "perturb-observe": 0.02, "mpc": 0.04, "mpc-train": 0.06}

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from studies.headroom.statements import BASE, BOUND, NUMBERS, OWN, RULES
-from studies.headroom.what_makes_room import draw
+from studies.patent.headroom_events import draw
+from studies.patent.headroom_study import BASE, BOUND, NUMBERS, OWN, RULES
 
 
 def headroom_table(

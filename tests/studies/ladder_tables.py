@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.curves import study as curves
-from studies.curves.statements import CURVES, RULES
+from studies.ladder import curves_study as curves
+from studies.ladder.curves_study import CURVES, RULES
 from studies.ladder.events import draw, event_name
-from studies.ladder.statements import LADDER
+from studies.ladder.ladder_study import LADDER
 
 Row = dict[str, Any]
 Change = Callable[[Row], Row]

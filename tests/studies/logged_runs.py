@@ -11,7 +11,6 @@ from alloc.metrics import METRICS
 from alloc.plant.sets import find_set
 from alloc.plant.train import Train
 from alloc.simulation import simulate
-from studies.blended.events import scenario as drawn_stop
 from studies.core.job import Job, simulate_job
 from studies.ladder.events import scenario as drawn_start
 from studies.logs.mapping import Mapping, column_of
@@ -21,7 +20,8 @@ from studies.logs.report import fit_remarks
 from studies.logs.simulated import log_table, rounded
 from studies.logs.train import MeasuredTrain
 from studies.scenario.loading import load_scenario
-from studies.wsp_acceptance.events import stop_of
+from studies.stops.acceptance_stops import stop_of
+from studies.stops.blended_events import scenario as drawn_stop
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
 
 SHARE, SLIPS = 0.02, 2

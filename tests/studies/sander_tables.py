@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from studies.sanders.placement import EVENTS, PLACEMENTS, SHARINGS, USUAL
-from studies.sanders.study import CARS, TRIALS
-from studies.sanders.trial import DISTANCES
+from studies.stops.sander_placement import EVENTS, PLACEMENTS, SHARINGS, USUAL
+from studies.stops.sander_trial import DISTANCES
+from studies.stops.sanders_study import CARS, TRIALS
 
 BEST = "axles 1 and 5 of each unit"
 REAR = "axle 1 of car 5"

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.claims.measures import EXCESS_EDGES, excess_column
-from studies.claims.quantities import drawn_table
-from studies.claims.statements import LAYERS
-from studies.claims.study import RULES
-from studies.core.arms import COMPARED
-from studies.differences.answers import RULES as DIFFERENCE_RULES
+from studies.core.drawn_events import COMPARED
+from studies.patent.claim_events import drawn_table
+from studies.patent.claim_measures import EXCESS_EDGES, excess_column
+from studies.patent.claims_study import LAYERS, RULES
+from studies.patent.difference_problems import RULES as DIFFERENCE_RULES
 
 Row = dict[str, Any]
 Change = Callable[[Row], Row]

@@ -11,7 +11,8 @@ from alloc.metrics.use import locked_time
 from alloc.plant.laws import GRAVITY
 from alloc.plant.model import axle_contacts, structure_of
 from alloc.simulation import simulate
-from studies.blended.events import (
+from studies.core.statement import FAILS, HOLDS, TOO_FEW
+from studies.stops.blended_events import (
     CURVES,
     EVENTS,
     LEAST_LEVEL,
@@ -24,7 +25,7 @@ from studies.blended.events import (
     scenario,
     train_of,
 )
-from studies.blended.measures import (
+from studies.stops.blended_measures import (
     LEAST_SPEED,
     WITHIN,
     locked_driven,
@@ -32,8 +33,9 @@ from studies.blended.measures import (
     reference_error,
     unit_use,
 )
-from studies.blended.statements import (
+from studies.stops.blended_study import (
     ARMS,
+    BLENDED,
     CONTROLLERS,
     PAIRS,
     PARTS,
@@ -43,8 +45,6 @@ from studies.blended.statements import (
     blended_statements,
     pairs_of,
 )
-from studies.blended.study import BLENDED
-from studies.core.statement import FAILS, HOLDS, TOO_FEW
 from tests.studies.blended_tables import blended_table
 
 STOPS = range(42)

@@ -9,33 +9,31 @@ import pandas as pd
 import pytest
 from scipy.stats import binomtest, bootstrap, ttest_rel
 
-from studies.claims.statements import PARTS
-from studies.claims.study import CLAIMS
-from studies.core.arms import Arm
 from studies.core.claims import quantity
-from studies.core.drawn_events import complete
+from studies.core.drawn_events import Arm, complete
 from studies.core.statement import (
     CONDITIONS,
     FAILS,
     HOLDS,
+    LEAST_EVENTS,
     TOO_FEW,
     UNDECIDED,
     VERDICTS,
     mean_interval,
     share_interval,
 )
-from studies.core.verdict import LEAST_EVENTS
+from studies.patent.claims_study import CLAIM_STUDY, PARTS
 from tests.studies.sweep_tables import claim_table
 
 
 @pytest.fixture(autouse=True)
 def _one_arm(monkeypatch):
     """Most of these ask what the numbers of one rule under one controller say."""
-    monkeypatch.setattr("studies.claims.statements.ARMS", (Arm("greedy", "cut-and-ramp"),))
+    monkeypatch.setattr("studies.patent.claims_study.ARMS", (Arm("greedy", "cut-and-ramp"),))
 
 
 def verdicts(change=lambda row: row, events=120):
-    return {s.name: s for s in CLAIMS.statements(claim_table(events, change))}
+    return {s.name: s for s in CLAIM_STUDY.statements(claim_table(events, change))}
 
 
 @cache
@@ -148,7 +146,7 @@ def test_the_claims_are_one_family():
 
 def test_each_arm_is_judged_by_each_claim(monkeypatch):
     both = (Arm("greedy", "cut-and-ramp"), Arm("exact", "cut-and-ramp"))
-    monkeypatch.setattr("studies.claims.statements.ARMS", both)
+    monkeypatch.setattr("studies.patent.claims_study.ARMS", both)
     found = verdicts()
     assert list(found) == [f"{c}: {' under '.join(arm)}" for arm in both for c in "abcde"]
     assert max(s.test.level for s in found.values()) == pytest.approx(1.0 - 0.05 / 10)

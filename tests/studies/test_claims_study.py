@@ -8,19 +8,16 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies.claims.events import scenario
-from studies.claims.measures import EXCESS_EDGES, excess_column, measure
-from studies.claims.quantities import QUANTITIES, draw, drawn_table
-from studies.claims.statements import ARMS, statement_name
-from studies.claims.study import CLAIMS
-from studies.claims.study import RULES as CLAIM_RULES
-from studies.core.arms import COMPARED
 from studies.core.collection import all_studies, find_study, study_folder
+from studies.core.drawn_events import COMPARED
 from studies.core.job import Job, simulate_job
 from studies.core.shard import ALL
-from studies.core.statement import VERDICTS, Interval, Statement
-from studies.core.verdict import LEAST_EVENTS
+from studies.core.statement import LEAST_EVENTS, VERDICTS, Interval, Statement
 from studies.files.study_error import StudyError
+from studies.patent.claim_events import QUANTITIES, draw, drawn_table, scenario
+from studies.patent.claim_measures import EXCESS_EDGES, excess_column, measure
+from studies.patent.claims_study import ARMS, CLAIM_STUDY, statement_name
+from studies.patent.claims_study import RULES as CLAIM_RULES
 
 SHORT = 3.0
 """Length of an event [s] that is just long enough for the measures."""
@@ -29,7 +26,7 @@ SHORT = 3.0
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("claims")
-    return folder, CLAIMS.run(folder, 2, duration=SHORT)
+    return folder, CLAIM_STUDY.run(folder, 2, duration=SHORT)
 
 
 def test_every_rule_meets_every_event(swept):
@@ -53,7 +50,7 @@ def test_rows_have_what_was_drawn_and_what_was_measured(swept):
 def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monkeypatch):
     folder, table = swept
     monkeypatch.setattr("studies.core.runner.run_cell", None)
-    pd.testing.assert_frame_equal(CLAIMS.run(folder, 2, duration=SHORT), table)
+    pd.testing.assert_frame_equal(CLAIM_STUDY.run(folder, 2, duration=SHORT), table)
     asked = []
 
     def noted(cell, *_):
@@ -62,21 +59,21 @@ def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monke
 
     monkeypatch.setattr("studies.core.runner.run_cell", noted)
     with pytest.raises(KeyboardInterrupt):
-        CLAIMS.run(folder, 3, duration=SHORT)
+        CLAIM_STUDY.run(folder, 3, duration=SHORT)
     assert asked == ["random-0-0002"]
 
 
 def test_what_a_folder_holds_is_counted_by_whole_events(swept, tmp_path):
     folder, _ = swept
-    assert CLAIMS.held(folder, duration=SHORT) == 2
-    assert CLAIMS.held(folder, 1, duration=SHORT) == 0
-    assert CLAIMS.held(tmp_path, duration=SHORT) == 0
-    assert CLAIMS.held(folder) == 0  # events of their whole length
+    assert CLAIM_STUDY.held(folder, duration=SHORT) == 2
+    assert CLAIM_STUDY.held(folder, 1, duration=SHORT) == 0
+    assert CLAIM_STUDY.held(tmp_path, duration=SHORT) == 0
+    assert CLAIM_STUDY.held(folder) == 0  # events of their whole length
 
 
 def test_a_few_events_give_statements_without_a_verdict_of_their_own(swept):
     _, table = swept
-    found = CLAIMS.statements(table)
+    found = CLAIM_STUDY.statements(table)
     assert [s.name for s in found] == [statement_name(c, arm) for arm in ARMS for c in "abcde"]
     assert {s.verdict for s in found} <= set(VERDICTS)
 

@@ -6,11 +6,15 @@ import pytest
 import xarray as xr
 
 from mpc.settings import SlipSearch
-from studies.constant_rail.events import EVENTS, SHAPES, STARTS, scenario
-from studies.constant_rail.measures import SETTLED, measure
-from studies.constant_rail.statements import CONTROLLERS, CYCLE, SLIP, constant_rail_statements
-from studies.constant_rail.study import cells
 from studies.core.statement import FAILS, HOLDS
+from studies.ladder.constant_rail_events import EVENTS, SETTLED, SHAPES, STARTS, measure, scenario
+from studies.ladder.constant_rail_study import (
+    CONTROLLERS,
+    CYCLE,
+    SLIP,
+    cells,
+    constant_rail_statements,
+)
 
 TIME = np.arange(0.0, 7.0, 0.01)
 SWING = 1.0 / SlipSearch().swing_time

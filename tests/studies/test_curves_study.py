@@ -4,9 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.claims.events import REFERENCE_SPEED
-from studies.claims.events import scenario as claim_event
-from studies.claims.quantities import draw
+from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import (
     CONDITIONS,
     FAILS,
@@ -15,16 +13,20 @@ from studies.core.statement import (
     UNDECIDED,
     mean_interval,
 )
-from studies.curves.statements import (
+from studies.ladder.curves_study import (
     BASE,
+    CURVE_STUDY,
     CURVES,
     METRICS,
     PAIRS,
     RULES,
+    SEEKING,
     curve_statements,
     paired_difference,
+    scenario,
 )
-from studies.curves.study import CURVE_STUDY, SEEKING, scenario
+from studies.patent.claim_events import draw
+from studies.patent.claim_events import scenario as claim_event
 from tests.studies.ladder_tables import curve_table
 
 SHORT = 2.5
@@ -131,3 +133,10 @@ def test_differences_are_paired_by_event():
     )
     assert spread.value == pytest.approx(plain.value)
     assert spread.high - spread.low == pytest.approx(plain.high - plain.low)
+
+
+def test_a_controller_that_fails_on_every_rail_of_a_curve_gives_no_verdict():
+    table = curve_table()
+    failed = (table["curve"] == "Polach wet") & (table["controller"] == "mpc")
+    for one in curve_statements(table[~failed]):
+        assert one.verdict == (TOO_FEW if one.name.startswith("mpc") else HOLDS), one.name

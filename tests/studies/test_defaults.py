@@ -14,7 +14,7 @@ from studies.comparison.defaults import (
     default_grid,
     make_grid,
 )
-from studies.core.arms import COMPARED
+from studies.core.drawn_events import COMPARED
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario, shipped_scenarios
 

@@ -15,8 +15,8 @@ from studies.core.statement import (
     UNDECIDED,
     Statement,
     share_interval,
+    side,
 )
-from studies.core.verdict import side
 
 ABOVE, BELOW = AT_LEAST, AT_MOST
 SHOWN = "{:.0f}"

@@ -9,9 +9,10 @@ from alloc.simulation import simulate
 from studies.core.claims import quantity
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from studies.files.study_error import StudyError
-from studies.headroom.events import scenario
-from studies.headroom.statements import (
+from studies.patent.headroom_events import TRAINS, WANTED, draw, scenario
+from studies.patent.headroom_study import (
     BOUND,
+    HEADROOM,
     NEEDED,
     OWN,
     RULES,
@@ -21,8 +22,6 @@ from studies.headroom.statements import (
     pairs_of,
     share_gained,
 )
-from studies.headroom.study import HEADROOM
-from studies.headroom.what_makes_room import TRAINS, WANTED, draw
 from tests.studies.headroom_tables import headroom_table
 
 SHORT = 3.0

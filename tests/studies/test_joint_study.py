@@ -5,9 +5,8 @@ import pandas as pd
 import pytest
 
 from studies.core.statement import FAILS, HOLDS, TOO_FEW, UNDECIDED
-from studies.curves.statements import METRICS
-from studies.joint.statements import ARMS, OPTIMUM
-from studies.joint.study import JOINT
+from studies.ladder.curves_study import METRICS
+from studies.ladder.joint_study import ARMS, JOINT, OPTIMUM
 
 SHORT = 3.0
 """Length of an event [s] that is just long enough for the measures."""

@@ -9,19 +9,26 @@ from alloc.plant.model import build, level_for
 from alloc.plant.rail import Rail
 from alloc.simulation import CONTROLLERS, simulate
 from studies.core.drawn_events import complete
+from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.ladder.events import (
+    INTERVAL,
     QUANTITIES,
-    REFERENCE_SPEED,
     TRAINS,
     draw,
+    measure,
     scenario,
     train_of,
 )
-from studies.ladder.measures import INTERVAL, measure
-from studies.ladder.published import PUBLISHED
-from studies.ladder.statements import LADDER, LOCOMOTIVE, SEARCHING, ladder_statements
-from studies.ladder.study import LADDER_STUDY, RULE
+from studies.ladder.ladder_study import (
+    LADDER,
+    LADDER_STUDY,
+    LOCOMOTIVE,
+    RULE,
+    SEARCHING,
+    ladder_statements,
+)
+from studies.ladder.published_study import PUBLISHED
 from tests.studies.ladder_tables import ladder_table
 
 SHORT = 1.5

@@ -9,10 +9,10 @@ import pytest
 from alloc.estimation.increments import DIRECTIONS, load_learning
 from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, VERDICTS
-from studies.learning import starts, study
-from studies.learning.arms import ARMS
-from studies.learning.series import PARTS, SERIES, TOLERANCE, per_series
-from studies.learning.study import LEARNING
+from studies.patent import learning_starts as starts
+from studies.patent import learning_study as study
+from studies.patent.learning_starts import ARMS
+from studies.patent.learning_study import LEARNING, PARTS, SERIES, TOLERANCE, per_series
 from tests.studies.learning_tables import falling, synthetic
 
 SHORT = 2.0

@@ -18,7 +18,7 @@ from studies.readhesion_paper.limit_cycle import (
     reduced_model,
 )
 from studies.readhesion_paper.paper import rail
-from tests.plant.compiled_rate import compiled_rate
+from tests.plant.numpy_plant import compiled_rate
 
 ACCELERATION = 3.0 / 3.6
 NARROW, WIDE = TorqueTable(width=0.2 / 3.6), TorqueTable(width=0.8 / 3.6)

@@ -8,27 +8,28 @@ import pandas as pd
 import pytest
 
 from alloc.simulation import simulate
+from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import FAILS, HOLDS
-from studies.ladder.events import REFERENCE_SPEED, draw
-from studies.mismatch.events import Place, scenario
-from studies.mismatch.rails import RAILS
-from studies.mismatch.settings import (
+from studies.ladder.events import draw
+from studies.ladder.mismatch_events import (
     DELAYED,
     EVERYWHERE,
     GIVEN,
     MIDDLE,
     NOISES,
     OWN,
+    RAILS,
     REFERENCE,
     RIGHT,
     SAME_BELIEF,
     SEARCHER,
     SHARES,
     SOUGHT,
+    Place,
+    scenario,
     settings_at,
 )
-from studies.mismatch.statements import mismatch_statements
-from studies.mismatch.study import MISMATCH, cells, meant
+from studies.ladder.mismatch_study import MISMATCH, cells, meant, mismatch_statements
 from tests.studies.mismatch_tables import mismatch_table
 
 

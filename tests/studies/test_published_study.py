@@ -9,22 +9,31 @@ from alloc.simulation import simulate
 from studies.core.claims import quantity
 from studies.core.collection import find_study
 from studies.core.statement import FAILS, HOLDS
-from studies.ladder.locomotive_events import (
+from studies.ladder.ladder_study import METRICS
+from studies.ladder.ladder_study import cells as ladder_cells
+from studies.ladder.locomotive_study import (
     DRY,
+    EVENTS,
     FAILURE_TIME,
+    HOSTED,
     KINDS,
+    LOCOMOTIVE_STUDY,
+    PARTS,
     RAILS,
     STATES,
     WET,
-    draw,
+    locomotive_statements,
     scenario,
 )
-from studies.ladder.locomotive_study import HOSTED, LOCOMOTIVE_STUDY, PARTS, locomotive_statements
 from studies.ladder.locomotive_study import cells as locomotive_cells
-from studies.ladder.published import ARMS, BAR, PUBLISHED, SAID, published_statements
-from studies.ladder.published_study import PUBLISHED_STUDY
-from studies.ladder.statements import METRICS
-from studies.ladder.study import cells as ladder_cells
+from studies.ladder.published_study import (
+    ARMS,
+    BAR,
+    PUBLISHED,
+    PUBLISHED_STUDY,
+    SAID,
+    published_statements,
+)
 from tests.studies.ladder_tables import NUMBERS
 
 
@@ -92,14 +101,14 @@ def test_load_transfer_in_the_mpc_is_judged_against_the_mpc_without():
 def test_six_events_are_every_rail_with_and_without_a_failed_motor():
     curves = set()
     for block in range(4):
-        drawn = [draw(0, KINDS * block + k) for k in range(KINDS)]
+        drawn = [EVENTS.draw(0, KINDS * block + k) for k in range(KINDS)]
         assert {(d["rail"], d["motors"]) for d in drawn} == {(r, m) for r in RAILS for m in STATES}
         assert len({d["curve"] for d in drawn}) == 1
         hosted = {job.controller for job in locomotive_cells(0, KINDS * block)} - set(BUILT_IN)
         assert hosted == set(HOSTED)
         curves |= {d["curve"] for d in drawn}
     assert curves == {"piecewise", "polach"}
-    events = pd.DataFrame([draw(0, k) for k in range(KINDS)])
+    events = pd.DataFrame([EVENTS.draw(0, k) for k in range(KINDS)])
     assert [int(quantity(events, part).sum()) for part in PARTS.values()] == [1] * KINDS
 
 
@@ -118,7 +127,7 @@ def test_loads_move_to_the_rear_and_keep_their_sum(runs):
 
 def test_rails_offer_what_they_are_called(runs):
     for k, run in runs.items():
-        d, offered = draw(0, k), run["adhesion_limit"].values[:, :6]
+        d, offered = EVENTS.draw(0, k), run["adhesion_limit"].values[:, :6]
         share = {"dry": 1.0, "wet": WET / DRY, "mixed": 1.0}[d["rail"]]
         assert np.median(offered[0]) == pytest.approx(d["level_factor"] * DRY * share, rel=0.1)
         if d["rail"] == "mixed":
@@ -127,7 +136,7 @@ def test_rails_offer_what_they_are_called(runs):
 
 def test_a_failed_motor_gives_no_torque_after_its_failure_and_the_others_do(runs):
     for k, run in runs.items():
-        d = draw(0, k)
+        d = EVENTS.draw(0, k)
         late = run.sel(time=slice(FAILURE_TIME + 1.0, None))
         working = np.abs(late["motor_torque"].values).max(axis=0) > 10.0
         expected = np.ones(6, dtype=bool)

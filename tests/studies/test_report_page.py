@@ -18,8 +18,8 @@ from studies.core.collection import study_folder
 from studies.core.job import simulate_job
 from studies.core.statement import Interval
 from studies.files.study_error import StudyError
-from studies.headroom.measures import measure
-from studies.headroom.study import HEADROOM
+from studies.patent.headroom_events import measure
+from studies.patent.headroom_study import HEADROOM
 from studies.report import page
 from studies.report.answer import EQUAL, GAIN, sentences, sign_of, standings
 from studies.report.gains import drawn_gains

@@ -9,29 +9,26 @@ from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.files.study_error import StudyError
-from studies.sanders.calibration import (
+from studies.stops.sander_placement import AMOUNT, PLACEMENTS, RATE, USUAL, caps, placed, shares
+from studies.stops.sander_trial import (
     CALIBRATED,
-    FITTED,
-    HIGH,
-    LOW,
-    TOLERANCE,
-    calibrate,
-    distances,
-)
-from studies.sanders.placement import AMOUNT, PLACEMENTS, RATE, USUAL, caps, placed, shares
-from studies.sanders.statements import sander_statements
-from studies.sanders.study import SANDERS
-from studies.sanders.trial import (
     DEMAND,
     DISTANCES,
+    FITTED,
     FIXED_RATE,
     FRICTION,
+    HIGH,
     INITIAL_SPEED,
+    LOW,
     SOURCES,
+    TOLERANCE,
+    calibrate,
     coupled_units,
+    distances,
     rail,
     stop,
 )
+from studies.stops.sanders_study import SANDERS, sander_statements
 from tests.studies.sander_tables import BEST, REAR, sander_table
 
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from studies.claims.statements import CLAIMS
 from studies.core.cell import Task
 from studies.core.claims import Claim, decisive, fingerprint, freeze, frozen
 from studies.core.collection import all_studies
 from studies.core.statement_report import about, frozen_words
 from studies.core.study import EachEvent, Study
 from studies.core.union import unite
+from studies.patent.claims_study import CLAIMS
 
 RECORD = Path(__file__).with_name("claim_thresholds.json")
 """Every state of what decides the claims of the patent, oldest first, with the reason of its change."""
@@ -47,7 +47,7 @@ def test_the_record_is_what_it_was():
 
 DECIDES = {
     "name": "y", "mean": "damage@b", "side": "at least", "value": 5.1, "tolerance": 0.1, "only": "x == 1",
-    "parts": {"a": "x == 1"}, "cases": (ROW,), "some": True, "besides": (ROW,), "exact": True,
+    "parts": {"a": "x == 1"}, "cases": (ROW,), "each": "x", "some": True, "alike": True, "besides": (ROW,), "exact": True,
 }  # fmt: skip
 
 

@@ -18,22 +18,7 @@ from alloc.plant.sets import find_set
 from alloc.simulation import simulate
 from studies.core.statement import FAILS, HOLDS, TOO_FEW
 from studies.files.study_error import StudyError
-from studies.wsp_acceptance.events import (
-    CURVES,
-    ROLLING,
-    air_braked,
-    gripping,
-    rail_of,
-    stop_of,
-)
-from studies.wsp_acceptance.measures import longest_lock, measured, stopped_run
-from studies.wsp_acceptance.perfect_stop import (
-    REFERENCE_SPEED,
-    adhesion_share,
-    perfect_stop,
-)
-from studies.wsp_acceptance.statements import acceptance_statements
-from studies.wsp_acceptance.stop_cases import (
+from studies.stops.acceptance_cases import (
     BELIEF,
     DRAWN,
     JUMP,
@@ -43,10 +28,24 @@ from studies.wsp_acceptance.stop_cases import (
     chosen_cases,
     discs,
     drawn_case,
+    longest_lock,
+    measured,
     shoes,
+    stopped_run,
     table_cases,
 )
-from studies.wsp_acceptance.study import WSP_ACCEPTANCE, cells
+from studies.stops.acceptance_stops import (
+    CURVES,
+    REFERENCE_SPEED,
+    ROLLING,
+    adhesion_share,
+    air_braked,
+    gripping,
+    perfect_stop,
+    rail_of,
+    stop_of,
+)
+from studies.stops.wsp_acceptance_study import WSP_ACCEPTANCE, acceptance_statements, cells
 from tests.studies.acceptance_tables import acceptance_table
 
 TRAIN = discs(2)

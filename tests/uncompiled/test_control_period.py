@@ -1,6 +1,7 @@
 """The on-board computers equal their second transcription, control period by control period, under random signals."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,9 @@ from alloc.onboard.brakes import (
     set_brake_targets,
     set_targets,
 )
-from alloc.onboard.distribution import distribute, prepare_allocation
+from alloc.onboard.distribution import PROBE, distribute, prepare_allocation
 from alloc.onboard.equipment import equipment
-from alloc.onboard.increment_learning import IncrementLearning
+from alloc.onboard.increment_learning import NO_LEARNING, IncrementLearning
 from alloc.onboard.laws import SUPPLY
 from alloc.onboard.parameters import (
     Belief,
@@ -27,14 +28,28 @@ from alloc.onboard.parameters import (
 )
 from alloc.onboard.sensing import sense
 from alloc.onboard.state import RuleSettings, memory, settings
-from alloc.onboard.telegrams import hear_reports, write_reports
+from alloc.onboard.telegrams import (
+    DETECTED,
+    ESTIMATE,
+    SLOTS,
+    caps_by_slips,
+    channel,
+    collect,
+    count_slips,
+    hear_reports,
+    send,
+    write_reports,
+)
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.rules.rule import Caps, Trigger
+from tests.cases import looped
 from tests.onboard.uneven import uneven_train
 from tests.uncompiled.computers import Computers
 
 GROWTH = tuple(0.002 * k + 0.0003 * k**2 for k in range(20))
+
+
 ONBOARD = Onboard(
     belief=Belief(increments=GROWTH),
     sensors=Sensors(load_error=0.03, seed=2),
@@ -43,10 +58,14 @@ ONBOARD = Onboard(
     hold_time=0.3,
     rise_time=0.15,
 )
+
+
 LOST = tuple(
     Dropout(axle, 0.05, until)
     for axle, until in ((1, 0.2), (4, 0.3), (5, 0.3), (6, 0.25), (7, 0.3))
 )
+
+
 ONBOARDS = {
     "plain": (ONBOARD, {}, True),
     "coupled": (ONBOARD, {"coupled": True}, False),
@@ -88,8 +107,8 @@ def compare(m, twin, names):
         assert getattr(m.counter, name)[0] == count, name
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("trigger", ["limited", "slip", "own slips"])
+@looped("seed", range(3))
+@looped("trigger", ["limited", "slip", "own slips"])
 @pytest.mark.parametrize("case", ONBOARDS)
 def test_periods_equal_their_second_transcription(case, trigger, seed):
     onboard, options, periodic = ONBOARDS[case]
@@ -230,3 +249,263 @@ def train_mass(model, eq):
         * eq.brake_share
         * 9.80665
     )
+
+
+def train_memory(first=0, estimate=0.10, units=3):
+    """What the leader keeps: it detected a slip at 1 s and must allocate; all units work, and nothing was told."""
+    lead = {
+        "unit": first, "slipped": 1.0, "detected": 1.0, "estimate": estimate, "allocate": True, "needed": 0.0,
+    }  # fmt: skip
+    of_units = ("cap", "limit_wanted", "most", "limited_at", "since_limited", "delivered")
+    values = {name: np.zeros(units) for name in of_units}
+    return SimpleNamespace(
+        lead=SimpleNamespace(**{name: np.array([value]) for name, value in lead.items()}),
+        train=SimpleNamespace(expected=np.zeros(1), case=np.ones(1), level=np.ones(1)),
+        in_service=np.arange(units) >= first,
+        limit_max=np.full(units, np.inf),
+        demonstrated=np.full(units, np.inf),
+        learnt=SimpleNamespace(increment=np.array([0.01, 0.03, 0.06])[:units]),
+        upper_bound=np.full(units, np.inf),
+        by_rail=np.ones(units, bool),
+        limited=np.zeros(units, bool),
+        slipping=np.zeros(units, bool),
+        report=SimpleNamespace(
+            limited_at=np.full(units, -np.inf), slipped_at=np.full(units, -np.inf)
+        ),
+        **values,
+    )
+
+
+def rules(trigger=Trigger.LIMITED, caps=Caps.FRONT):
+    """Settings of a rule that is asked so, with these caps."""
+    return SimpleNamespace(
+        hold_time=5.0, rise_time=1.0, period=0.01, learning=SimpleNamespace(learner=NO_LEARNING),
+        rule=RuleSettings(0, trigger, caps), telegrams=SimpleNamespace(ticks=10),
+    )  # fmt: skip
+
+
+EQUIPMENT = SimpleNamespace(
+    axles=np.full(3, 4.0),
+    mass=np.array([1.0, 0.8, 1.2]),
+    own_inertia=np.zeros(3),
+    brake_inertia=np.full(3, 9.0),
+    blended=False,
+    brake_share=0.3,
+    planned_share=0.2,
+)
+
+
+def prepare(memory, settings, time=2.0, tick=7, failed=False):
+    """Whether the rule is asked at this instant, under a demand of 0.8 m/s2: a plan of 0.16."""
+    return prepare_allocation(EQUIPMENT, settings, memory, time, tick, 0.8, failed)
+
+
+@looped(
+    ("first", "caps"), [(0, [0.10, 0.12, 0.15]), (1, [0.08, 0.10, 0.13]), (2, [0.05, 0.07, 0.10])]
+)
+def test_increments_count_from_the_unit_that_leads(first, caps):
+    """(5) with the increments 0.01, 0.03, 0.06: where units ahead have failed, the first sound one is the reference."""
+    memory = train_memory(first)
+    assert prepare(memory, rules(Trigger.SLIP))
+    assert memory.cap == pytest.approx(caps, rel=1e-12)
+    assert memory.train.expected[0] == pytest.approx(0.16, rel=1e-12)
+    memory.lead.estimate[0] = 0.03
+    prepare(memory, rules(Trigger.SLIP))
+    assert memory.cap == pytest.approx(np.maximum(np.array(caps) - 0.07, 0.0), abs=1e-15)
+
+
+def told(limited=(), delivered=(0.16, 0.16, 0.16), slipping=(), at=2.0):
+    """Memory of a leader that has heard of these units that they are limited or slip, and what all deliver."""
+    memory = train_memory()
+    memory.train.expected[0] = 0.2 * 0.8
+    memory.report.limited_at[list(limited)] = at
+    memory.limited[list(limited)] = True
+    memory.slipping[list(slipping)] = True
+    memory.report.slipped_at[list(slipping)] = at
+    memory.delivered[:] = delivered
+    return memory
+
+
+def test_caps_follow_from_the_mark_of_the_foremost_limited_unit():
+    """Unit 1 is limited at 0.15: 0.13 ahead of it, 0.18 behind. Who is not limited and does not slip may have the plan."""
+    memory = told([1], delivered=(0.16, 0.15, 0.16))
+    prepare(memory, rules(), tick=20)
+    assert memory.cap == pytest.approx([0.16, PROBE * 0.15, 0.18], rel=1e-12)
+    memory = told([1], delivered=(0.17, 0.15, 0.16))
+    prepare(memory, rules(), tick=20)
+    assert memory.cap[0] == pytest.approx(0.17, rel=1e-12)
+    memory = told([1], delivered=(0.16, 0.15, 0.16), slipping=[0])
+    prepare(memory, rules(), tick=20)
+    assert memory.cap == pytest.approx([0.13, PROBE * 0.15, 0.18], rel=1e-12)
+    memory = told([1, 2], delivered=(0.05, 0.15, 0.02))
+    prepare(memory, rules(), tick=20)
+    assert memory.cap == pytest.approx([0.16, PROBE * 0.15, PROBE * 0.02], rel=1e-12)
+
+
+def test_a_unit_that_failed_says_nothing_of_the_rail():
+    memory = told([0, 1], delivered=(0.0, 0.15, 0.16))
+    memory.in_service[0], memory.limit_max[0] = False, 0.0
+    prepare(memory, rules(), tick=20)
+    assert memory.cap == pytest.approx([0.0, PROBE * 0.15, 0.18], rel=1e-12)
+    only = told([0], delivered=(0.0, 0.16, 0.16))
+    only.in_service[0], only.limit_max[0], only.by_rail[0] = False, 0.0, False
+    prepare(only, rules(), tick=20)
+    # nothing is known of the rail: the others need no more than what makes up for a third of the mass, 1 of 3
+    assert only.cap == pytest.approx([0.0, 0.24, 0.24], rel=1e-12)
+    only.limit_max[2] = 0.12  # (1.0 x 0.16 + 1.2 x 0.04) / 0.8 beyond the plan
+    prepare(only, rules(), tick=20)
+    assert only.cap == pytest.approx([0.0, 0.42, 0.42], rel=1e-12)
+
+
+class BrakedTrain:
+    """Computers of a train under blended brakes whose trailers' brakes have risen half way; a unit is limited."""
+
+    def __init__(self):
+        onboard = Onboard()
+        self.eq = equipment(build(uneven_train(), Rail(0.15)), onboard)
+        self.st = settings(onboard, RuleSettings(0, caps=Caps.DELIVERED), "none")
+        self.m = memory(self.eq, 12.0, 0.0)
+        self.m.lead.brake_rise[0] = 0.5
+        self.plan = 0.8 * self.eq.brake_share
+
+    def needed(self, st=None):
+        prepare_allocation(self.eq, st or self.st, self.m, 2.0, 20, -0.8, False)
+        return self.m.lead.needed[0]
+
+
+def test_units_make_up_for_what_the_trailers_shoes_lack():
+    train = BrakedTrain()
+    group, eq = train.eq.group, train.eq
+    trailing = group.unit < 0
+    assert trailing.sum() == 4
+    wanted = 0.5 * train.plan * (group.axles * group.weight)[trailing].sum()
+    lacking = wanted / (eq.axles * eq.axle_load).sum()
+    assert train.needed() == pytest.approx(train.plan + lacking, rel=1e-12)
+    # shoes that give what is wanted of them leave nothing to make up for; the units' own do not count
+    a, b, c = group.friction.T
+    friction = a / (3.6 * 12.0 + b) + c
+    force = 0.5 * train.plan * group.weight * (1.0 + group.inertia)
+    train.m.pressure[:] = np.where(trailing, force / (group.gain * friction), 1e5)
+    assert train.needed() == pytest.approx(train.plan, rel=1e-12)
+    train.m.pressure[trailing] *= 0.25
+    assert train.needed() == pytest.approx(train.plan + 0.75 * lacking, rel=1e-12)
+
+
+def test_rules_that_know_no_more_than_the_patent_leave_the_trailers_to_themselves():
+    train = BrakedTrain()
+    st = train.st._replace(rule=train.st.rule._replace(caps=Caps.FRONT))
+    assert train.needed(st) == train.plan
+
+
+UNITS = 3
+
+
+def said(value):
+    """What each unit would say: one number and its negative."""
+    return np.array([[value + j, -value - j] for j in range(UNITS)])
+
+
+@looped("seed", range(5))
+def test_what_is_read_is_what_was_sent_last_of_all_that_has_arrived(seed):
+    line = channel(UNITS, 2, np.inf)
+    rng = np.random.default_rng(seed)
+    posted = []
+    for tick in range(200):
+        time = 0.01 * tick
+        if tick % 3 == 0 and rng.random() < 0.8:
+            delay = rng.uniform(0.0, 0.12)
+            send(line, 2, time, delay, said(time))
+            posted.append((time + delay, time))
+        collect(line, 2, time)
+        arrived = [sent for arrival, sent in posted if arrival <= time + 1e-9]
+        if arrived:
+            assert line.newest[2] == max(arrived)
+            assert line.read[2, 0] == max(arrived) + 2
+        else:
+            assert np.isinf(line.read[2, 0])
+
+
+def test_a_line_carries_sixteen_telegrams_and_what_is_more_is_lost():
+    line = channel(UNITS, 2, np.inf)
+    assert SLOTS == 16
+    for k in range(SLOTS + 3):
+        send(line, 1, 0.1 * k, 10.0, said(float(k)))
+    assert collect(line, 1, 100.0)
+    assert line.read[1, 0] == SLOTS - 1 + 1  # unit 1 says one more
+    assert np.isinf(line.arrival).all()
+    send(line, 1, 200.0, 0.0, said(70.0))
+    assert collect(line, 1, 200.0)
+    assert line.read[1, 0] == 71.0
+
+
+SHARED_PLAN, HOLD = 0.16, 5.0
+
+
+INCREMENTS = SimpleNamespace(increment=np.array([0.01, 0.03, 0.06, 0.07]))
+
+
+HOLDING = SimpleNamespace(hold_time=HOLD)
+
+
+def heard(**slips):
+    """Memory of a leader that has heard of slips: `u1=(0.12, 3.0)` is unit 1, which found 0.12 at 3 s."""
+    read = np.tile([SHARED_PLAN, np.nan, -np.inf, 0.0, -np.inf], (4, 1))
+    for unit, (estimate, detected) in slips.items():
+        read[int(unit[1:]), [ESTIMATE, DETECTED]] = estimate, detected
+    report = SimpleNamespace(line=SimpleNamespace(read=read), counted=np.full(4, -np.inf))
+    train = SimpleNamespace(expected=np.array([SHARED_PLAN]))
+    return SimpleNamespace(report=report, train=train, learnt=INCREMENTS, cap=np.zeros(4))
+
+
+def caps(time, **slips):
+    memory = heard(**slips)
+    assert count_slips(HOLDING, memory, time) == (True, True)
+    caps_by_slips(HOLDING, memory, time)
+    return memory.cap
+
+
+def test_the_leaders_slip_alone_gives_the_caps_of_equation_5():
+    assert caps(4.0, u0=(0.10, 3.0)) == pytest.approx([0.10, 0.12, 0.15, 0.16], rel=1e-12)
+    assert caps(4.0, u0=(0.0, 3.0)) == pytest.approx([0.0, 0.02, 0.05, 0.06], rel=1e-12)
+
+
+@looped(("time", "own"), [(3.5 + HOLD, 0.19), (3.51 + HOLD, 0.15)])
+def test_a_slip_older_than_the_hold_time_gives_no_cap(time, own):
+    found = caps(time, u0=(0.10, 6.0), u2=(0.19, 3.5))
+    assert found == pytest.approx([0.10, 0.12, own, 0.16], rel=1e-12)
+
+
+def test_a_slip_in_the_rear_alone_leaves_the_plan_to_the_units_ahead():
+    assert caps(4.0, u2=(0.11, 3.5)) == pytest.approx(
+        [SHARED_PLAN, SHARED_PLAN, 0.11, 0.12], rel=1e-12
+    )
+
+
+PLAN, STORED = 0.16, (0.0, 0.01, 0.02, 0.03)
+
+
+MEAN = IncrementLearning("running-mean", first=3, further=2, stored=4.0)
+
+
+@looped("hide", ["", "relieved", "failed", "blind", "no demand"])
+def test_a_unit_tells_only_of_slips_under_its_own_control(hide):
+    belief = Belief(unit_increments=STORED)
+    onboard = Onboard(belief=belief, learning=MEAN, reference=ReferenceSpeed(source="truth"))
+    eq = equipment(build(uneven_train(), Rail(0.15)), onboard)
+    st, m = settings(onboard, RuleSettings(0), "none"), memory(eq, 12.0, PLAN)
+    m.unit.torque_command[:] = m.torque[:] = 500.0
+    m.unit.coefficient_estimate[:] = PLAN
+    m.estimate.relief.share[2] = 0.99 if hide == "relieved" else 1.0
+    m.in_service[2] = hide != "failed"
+    if hide == "blind":
+        m.unit.axles_seen[2] = 0.0
+        m.axle_seen[eq.axle_unit == 2] = False
+    commanded = 0.0 if hide == "no demand" else PLAN / eq.planned_share
+    omega = (12.0 + 1.0) / eq.axle_radius
+    sense(eq, st, m, 0.3, commanded, omega, m.torque, np.zeros(8), np.zeros(20))
+    told = np.isfinite(m.report.own[:, DETECTED])
+    hidden = {"": [], "no demand": [0, 1, 2, 3]}.get(hide, [2])
+    assert told.tolist() == [j not in hidden for j in range(4)]
+    np.testing.assert_array_equal(m.report.own[told, DETECTED], 0.3)
+    estimate = np.clip(m.unit.coefficient_estimate, 0.0, 1.0)
+    np.testing.assert_array_equal(m.report.own[told, ESTIMATE], estimate[told])

@@ -1,4 +1,4 @@
-"""The reference speed's filter and its reliefs, period by period, as plain Python."""
+"""The reference speed, its reliefs and the wheels' radii, period by period, as plain Python."""
 
 import itertools
 from dataclasses import replace
@@ -20,13 +20,14 @@ from alloc.onboard.reference_speed import (
     relieve,
     take_reading,
 )
-from alloc.onboard.sensing import sense
+from alloc.onboard.sensing import AFTER, GATE, sense
 from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.laws import GRAVITY, coupler_stretch
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
 from studies.slides.jp4209318 import slide_train
+from tests.cases import looped
 from tests.onboard.uneven import uneven_train
 
 SPEED, PERIOD = 20.0, 0.01
@@ -66,8 +67,8 @@ def assert_covariance(p):
     assert np.linalg.eigvalsh(correlation).min() > -1e-9
 
 
-@pytest.mark.parametrize("coupled", [False, True])
-@pytest.mark.parametrize("direction", [1.0, -1.0])
+@looped("coupled", [False, True])
+@looped("direction", [1.0, -1.0])
 def test_the_covariance_stays_symmetric_and_positive_whatever_is_read(direction, coupled):
     train, rng = Computers(uneven_train(coupled)), np.random.default_rng(3)
     speed, axles = SPEED, train.eq.axle_radius.size
@@ -177,7 +178,7 @@ def test_a_braking_wheel_that_lags_tells_nothing():
     np.testing.assert_array_equal(bound.m.reference, free.m.reference)
 
 
-@pytest.mark.parametrize("lead", [-6.0, 6.0])
+@looped("lead", [-6.0, 6.0])
 def test_a_light_wheels_odd_reading_is_not_believed_at_once(lead):
     persist = ReferenceSpeed().persist
     for told, believed in ((0.4 * persist, False), (0.9 * persist, False), (1.1 * persist, True)):
@@ -196,7 +197,7 @@ def test_a_light_wheels_odd_reading_is_not_believed_at_once(lead):
             np.testing.assert_array_equal(train.filter.covariance, before[1])
 
 
-@pytest.mark.parametrize(("told", "taken"), [(0.4, False), (0.6, True)])
+@looped(("told", "taken"), [(0.4, False), (0.6, True)])
 def test_a_light_wheels_likely_reading_is_taken_before(told, taken):
     train = Computers(slide_train(1))
     for _ in range(100):
@@ -250,7 +251,7 @@ def reliefs(train, deviation, ticks, anyone=False, told=True):
 SHORT = TorqueRelief(time=0.1, longest=0.2, return_time=0.05, pause=0.2, share=0.3)
 
 
-@pytest.mark.parametrize("told", [True, False])
+@looped("told", [True, False])
 def test_a_sounding_lasts_as_said_and_takes_one_unit_after_the_other(told):
     train = Computers(uneven_train(), reference=ReferenceSpeed(relief=SHORT))
     train.m.torque[:] = 500.0
@@ -343,7 +344,7 @@ def test_one_bogie_is_released_from_doubt_until_the_speed_is_known():
     assert group[0] == -1
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.04 / 3.6])
+@looped("noise", [0.0, 0.04 / 3.6])
 def test_a_reading_is_as_uncertain_as_its_sensor(noise):
     train = Computers(slide_train(1), sensors=Sensors(speed_noise=noise, speed_quantum=0.03))
     expected = ReferenceSpeed().sensor ** 2 + noise**2 + 0.03**2 / 12.0
@@ -380,3 +381,100 @@ def test_a_reading_corrects_as_a_library_s_update(seed):
     take_reading(state, covariance, slip, innovation, 0.04)
     np.testing.assert_allclose(state, known.x[:, 0], atol=1e-10)
     np.testing.assert_allclose(covariance, known.P, atol=1e-10)
+
+
+ROLLING, NOISE, PERIODS = 15.0, 0.02, 150
+
+
+NOISY = Onboard(
+    reference=ReferenceSpeed(source="truth", radii_compared=False),
+    sensors=Sensors(radius_error=0.005, speed_noise=NOISE, seed=6),
+)
+
+
+class Rolling:
+    """Computers that know the speed, and are told of wheels that roll at it, with noise."""
+
+    def __init__(self, onboard=NOISY):
+        self.model = build(uneven_train(), Rail(0.1))
+        self.eq, self.onboard = equipment(self.model, onboard), onboard
+        self.st = settings(onboard, RuleSettings(0), "none")
+        self.m = memory(self.eq, ROLLING, 0.1)
+        self.rng, self.read = np.random.default_rng(3), []
+
+    def period(self, commanded=0.0, torque=0.0, pressure=0.0, slip=None):
+        eq = self.eq
+        omega = ROLLING / self.model.structure.radius
+        if slip is not None:
+            omega = omega * (1.0 + slip)
+        noise = NOISE * self.rng.standard_normal(omega.size)
+        torque, pressure = np.full(eq.axles.size, torque), np.full(eq.group.unit.size, pressure)
+        sense(eq, self.st, self.m, 0.0, commanded, omega, torque, pressure, noise)
+        self.read.append(eq.axle_radius * omega + noise)
+
+    @property
+    def factor(self):
+        return self.m.estimate.radii.factor
+
+
+def test_the_factors_are_the_posterior_means_of_the_radii():
+    """Gaussian prior of every radius, Gaussian readings, mean of all radii unobservable: least squares over all readings."""
+    one = Rolling()
+    for _ in range(PERIODS):
+        one.period()
+    taken = np.array(one.read)[-(PERIODS - round(AFTER / 0.01)) :] / ROLLING - 1.0
+    variance = 2.0 * one.st.reference.noise**2 / ROLLING**2
+    prior = one.onboard.reference.radius_deviation**2
+    ahead = taken - taken.mean(axis=1, keepdims=True)
+    expected = ahead.sum(axis=0) / variance / (taken.shape[0] / variance + 1.0 / prior)
+    # of the filter's start, and of the second order in the errors
+    np.testing.assert_allclose(1.0 - one.factor, expected, atol=1e-4)
+    true = one.eq.axle_radius / one.model.structure.radius
+    assert np.abs(true / true.mean() - 1.0).max() > 3e-3
+    np.testing.assert_allclose(one.factor * true, (one.factor * true).mean(), atol=5e-4)
+    assert one.factor.mean() == pytest.approx(1.0, abs=1e-5)
+
+
+@looped("doing", [{"commanded": -0.5}, {"torque": 200.0}, {"pressure": 50e3}])
+def test_nothing_is_learnt_while_a_force_acts_or_shortly_after(doing):
+    one = Rolling()
+    for _ in range(60):
+        one.period(**doing)
+    for _ in range(round(AFTER / 0.01) - 1):
+        one.period()
+    np.testing.assert_array_equal(one.factor, 1.0)
+    for _ in range(3):
+        one.period()
+    assert (one.factor != 1.0).all()
+
+
+def test_a_wheel_that_cannot_roll_is_left_out():
+    one, other = Rolling(), Rolling()
+    slip = np.zeros(one.eq.axle_radius.size)
+    slip[2] = -1.5 * GATE * NOISY.reference.radius_deviation
+    for _ in range(PERIODS):
+        one.period(slip=slip)
+        other.period()
+    assert one.factor[2] == 1.0
+    kept = np.delete(one.factor / other.factor, 2)
+    np.testing.assert_allclose(kept, kept.mean(), atol=2e-4)
+
+
+def test_what_is_learnt_is_no_acceleration_and_no_slip():
+    """Radii wrong by half a per cent at 15 m/s are 0.08 m/s, which the first readings correct at once."""
+    one, detections = Rolling(), []
+    for _ in range(PERIODS):
+        before = one.factor.copy()
+        one.period()
+        detections.append(int(one.m.counter.unit_detections[0]))
+        if (one.factor != before).any():
+            np.testing.assert_array_equal(one.m.unit.computed_acceleration, 0.0)
+    assert (one.factor != 1.0).all()
+    assert detections[-1] == detections[round(AFTER / 0.01) - 2]
+
+
+def test_without_a_deviation_the_radii_stand():
+    one = Rolling(replace(NOISY, reference=ReferenceSpeed(source="truth", radius_deviation=0.0)))
+    for _ in range(PERIODS):
+        one.period()
+    np.testing.assert_array_equal(one.factor, 1.0)

@@ -13,15 +13,30 @@ from alloc.onboard.parameters import Onboard
 from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
+from tests.cases import looped
 from tests.onboard.uneven import uneven_train
 
 MODEL = build(uneven_train(), Rail(0.15))
+
+
 ONBOARD = Onboard()
+
+
 EQ = equipment(MODEL, ONBOARD)
+
+
 TORQUE = EQ.axle_load * EQ.radius / EQ.gear
+
+
 """Of a coefficient of 1, by unit."""
+
+
 PERIOD = ONBOARD.period
+
+
 VALVE = ((0, 0, 1), (0, 1, 2), (1, 2, 2))
+
+
 """Action of the slide protection's valve by slip, rows, and slip rate."""
 
 
@@ -360,8 +375,8 @@ def test_every_controller_has_its_second_transcription():
     assert set(TWINS) == set(BUILT_IN)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("name", TWINS)
+@looped("sign", [1.0, -1.0])
+@looped("name", TWINS)
 def test_commands_equal_the_second_transcription(name, sign):
     st = settings(ONBOARD, RuleSettings(0), name)
     m, rng, n = memory(EQ, 10.0, 0.08), np.random.default_rng(7), EQ.axles.size
@@ -415,7 +430,7 @@ def test_a_hosted_controllers_share_is_not_its_reserves():
     assert m.unit.torque_factor.tolist() == [0.3] * 4
 
 
-@pytest.mark.parametrize(
+@looped(
     ("reference", "step", "kept", "then"),
     [
         (0.5, -0.25, -0.25, 0.25),

@@ -1,1 +1,0 @@
-"""The claims of JP5484215 over random events."""

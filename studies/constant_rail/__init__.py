@@ -1,1 +1,0 @@
-"""Whether the MPC comes to rest on rails that do not change."""

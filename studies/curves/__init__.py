@@ -1,1 +1,0 @@
-"""Rules and controllers under other adhesion curves."""

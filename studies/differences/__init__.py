@@ -1,1 +1,0 @@
-"""Where greedy, exact level and QP differ."""

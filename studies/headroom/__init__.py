@@ -1,1 +1,0 @@
-"""What sharing gains over random events in which there is something to share."""

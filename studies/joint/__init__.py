@@ -1,1 +1,0 @@
-"""Rules against the joint optimum of allocation and readhesion."""

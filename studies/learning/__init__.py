@@ -1,1 +1,0 @@
-"""Learning the increments of adhesion along the train (JP5484215, embodiment 2)."""

@@ -1,1 +1,0 @@
-"""Sanders: a full-scale trial, and where sand stops a train soonest."""

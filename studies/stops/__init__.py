@@ -1,0 +1,1 @@
+"""Stops: motors and air brakes together, slide protection on very low adhesion, and sanders."""
