@@ -45,9 +45,9 @@ from studies.slides.jp4209318 import brake, brake_event
 from tests.paper_figs.pictures import TABLES, from_tables
 from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.brake_tables import brake_table
-from tests.studies.example_line import EXAMPLE_PATH, example_stock
+from tests.studies.example_lines import EXAMPLE_PATH, example_stock
 from tests.studies.position_tables import position_table
-from tests.studies.short_route import short_route
+from tests.studies.example_lines import short_route
 
 OTHER = replace(DEMONSTRATION, front_adhesion=0.1)
 RULES = ("alone", "greedy", "exact")

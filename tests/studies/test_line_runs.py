@@ -22,7 +22,7 @@ from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
 from studies.railtoolkit.records import PointOfInterest, RunningPath, Section
 from tests.plant.numpy_plant import environment_at
-from tests.studies.example_line import EXAMPLE_PATH, example_stock
+from tests.studies.example_lines import EXAMPLE_PATH, example_stock
 
 OVERSPEED = 0.05
 """Margin [m/s], 0.2 km/h, by which a limit is exceeded for a moment where the gradient jumps."""
