@@ -1,4 +1,4 @@
-"""`readhesion run-line` as a user meets it, and one clear line for every kind of broken file."""
+"""`readhesion run-line` as a user meets it, and files of a line and a train; bad input is in the battery."""
 
 import json
 from copy import deepcopy
@@ -174,19 +174,6 @@ def test_a_line_of_ones_own_stops_where_its_file_says(call, tmp_path, files):
     ]
     assert [len(each) for each in stops] == [2, 2, 1]
     assert [each[0][1] for each in stops[:2]] == pytest.approx([20.0, 5.0])
-
-
-def test_other_bad_input_is_one_clear_line(call, files):
-    steep = changed(PATH, "paths", 0, "characteristic_sections", 1, 2, 300.0)
-    for line, more, words in (
-        (PATH, ("--load", 1.5), "--load 1.5: give a share of the load limit"),
-        (steep, (), "the train cannot climb at "),
-    ):
-        code, out, err = call("run-line", *files(line), *more)
-        (message,) = [text for text in err.splitlines() if text.strip()]
-        assert (code, out) == (2, "")
-        assert message.startswith("readhesion: ")
-        assert words in message
 
 
 def test_times_read_as_minutes_and_seconds():
