@@ -3,8 +3,8 @@
 from collections import Counter
 from fnmatch import fnmatchcase
 
-import pytest
-
+from alloc.onboard.controllers.collection import BUILT_IN
+from alloc.onboard.host import CONTROLLERS
 from alloc.rules import RULES
 from studies.comparison.defaults import (
     DEFAULT_SEEDS,
@@ -14,8 +14,8 @@ from studies.comparison.defaults import (
     default_grid,
     make_grid,
 )
+from studies.core.controllers import check_controller, is_hosted
 from studies.core.drawn_events import COMPARED
-from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario, shipped_scenarios
 
 
@@ -39,14 +39,6 @@ def test_by_default_every_scenario_but_those_of_faults_meets_every_rule_but_the_
     }
 
 
-def test_the_slow_controller_meets_the_first_seed_and_all_where_it_is_named():
-    scenario = load_scenario("wet-start")
-    grid = make_grid([scenario], ["exact"], None, 2)
-    assert {job.seed for job in grid.jobs() if job.controller == SLOW_CONTROLLER} == {0}
-    named = make_grid([scenario], ["exact"], [SLOW_CONTROLLER], 2)
-    assert [job.seed for job in named.jobs()] == [0, 1]
-
-
 def test_every_pattern_of_runs_to_keep_matches_a_cell():
     labels = [job.label for job in default_grid().jobs()]
     for pattern in KEPT_RUNS:
@@ -54,23 +46,25 @@ def test_every_pattern_of_runs_to_keep_matches_a_cell():
 
 
 def test_named_controllers_are_all_that_is_run():
-    grid = make_grid([load_scenario("wet-start")], ["exact", "exact"], ["none"], 2)
+    """The slow one meets the first seed, and all where it is named; slow rules run when they are asked for."""
+    scenario = load_scenario("wet-start")
+    grid = make_grid([scenario], ["exact", "exact"], ["none"], 2)
     assert [job.label for job in grid.jobs()] == [
         "wet-start/exact/none/0",
         "wet-start/exact/none/1",
     ]
+    grid = make_grid([scenario], ["exact"], None, 2)
+    assert {job.seed for job in grid.jobs() if job.controller == SLOW_CONTROLLER} == {0}
+    named = make_grid([scenario], ["exact"], [SLOW_CONTROLLER], 2)
+    assert [job.seed for job in named.jobs()] == [0, 1]
+    assert make_grid([scenario], ["qp-cvxpy"], ["none"], 1).rules == ("qp-cvxpy",)
 
 
-def test_slow_rules_run_when_they_are_asked_for():
-    assert make_grid([load_scenario("wet-start")], ["qp-cvxpy"], ["none"], 1).rules == ("qp-cvxpy",)
-
-
-@pytest.mark.parametrize("seeds", [0, -1])
-def test_at_least_one_seed_is_needed(seeds):
-    with pytest.raises(StudyError, match="--seeds"):
-        make_grid([load_scenario("wet-start")], None, None, seeds)
-
-
-def test_the_default_grid_leaves_the_joint_controllers_out():
-    # they take several times as long, and answer another question
-    assert {job.controller for job in default_grid().jobs()} == {*COMPARED, SLOW_CONTROLLER}
+def test_built_in_and_hosted_controllers_stand_in_one_collection():
+    hosted = ["mpc", "mpc-car", "mpc-opti", "mpc-train", "mpc-train-ideal"]
+    assert list(CONTROLLERS) == [*BUILT_IN, *hosted]
+    assert [name for name in CONTROLLERS if is_hosted(name)] == hosted
+    for name in hosted:
+        assert CONTROLLERS[name].name == name
+        assert CONTROLLERS.origin(name) == "mpc.hosted"
+        check_controller(name)
