@@ -1,15 +1,13 @@
-"""One small comparison, small runs, and every figure from them; each run is computed when a figure first asks."""
+"""Small runs and every figure from them; each run is computed when a figure first asks."""
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
-from tempfile import TemporaryDirectory
 
 from matplotlib.figure import Figure
 
 from alloc.plant.train import Coupler
 from paper_figs.brakes import FAULT, faulty_car, member_runs, slide_control
-from paper_figs.drawing import Source
 from paper_figs.events import sharing_wanders, slip_event
 from paper_figs.lines import late_passages, line_position, real_line
 from paper_figs.logs import measured_log
@@ -25,13 +23,9 @@ from paper_figs.readhesion_paper import (
     readhesion_trajectory,
 )
 from paper_figs.replay import slip_replay
-from paper_figs.rules import rule_comparison
 from paper_figs.saving import MovingFigure
 from studies.brake_force.faulty_car import allocated_stops
-from studies.comparison.grid import Grid
 from studies.core.job import Job, simulate_job
-from studies.core.runner import run_cells
-from studies.core.store import Store
 from studies.lines.line_run import run_line
 from studies.logs.measured_log import check_log
 from studies.logs.measured_run import MeasuredTrain, analyse_run
@@ -45,24 +39,10 @@ from studies.slides.jp4209318 import brake, brake_event
 from tests.paper_figs.pictures import TABLES, from_tables
 from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.brake_tables import brake_table
-from tests.studies.example_lines import EXAMPLE_PATH, example_stock
+from tests.studies.example_lines import EXAMPLE_PATH, example_stock, short_route
 from tests.studies.position_tables import position_table
-from tests.studies.example_lines import short_route
 
 OTHER = replace(DEMONSTRATION, front_adhesion=0.1)
-RULES = ("alone", "greedy", "exact")
-
-
-@cache
-def source() -> Source:
-    """Two short events under three rules and two controllers, two seeds."""
-    scenarios = tuple(
-        load_scenario(name).changed(duration_s=3.0) for name in ("wet-start", "very-low-adhesion")
-    )
-    grid = Grid(scenarios, RULES, ("none", "cut-and-ramp"), (0, 1))
-    with TemporaryDirectory() as folder:
-        store = Store(folder)
-        return Source(store, run_cells(grid.jobs(), store))
 
 
 @cache
@@ -103,6 +83,11 @@ def line_run():
     return run_line(EXAMPLE_PATH, example_stock())
 
 
+@cache
+def faulty_stops():
+    return allocated_stops(FAULT, 0)
+
+
 def a_train():
     """What the train of `runs` is drawn from."""
     return drawing(load_scenario("very-low-adhesion").event().model)
@@ -118,7 +103,6 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     **{name: partial(from_tables, name) for name in TABLES},
     "slip-event": lambda: slip_event(*runs()),
     "slip-replay": lambda: few_instants(slip_replay(a_train(), runs()[1])),
-    "rule-comparison": lambda: rule_comparison(source().table),
     "sharing-wanders": lambda: sharing_wanders(*runs()),
     "readhesion-slip": lambda: readhesion_slip(*cases()),
     "readhesion-torque": lambda: readhesion_torque(*cases()),
@@ -132,8 +116,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "real-line": lambda: real_line(line_run()),
     "measured-log": lambda: measured_log(*logged()),
     "faulty-car": lambda: faulty_car(
-        allocated_stops(FAULT, 0),
-        brake_table()[lambda t: t["part"] == "driven"],
+        faulty_stops(), brake_table()[lambda t: t["part"] == "driven"]
     ),
     "line-position": lambda: line_position(
         short_route(), late_passages(short_route()), position_table()
