@@ -3,10 +3,8 @@
 import pytest
 
 from studies.brake_force import study
-from studies.brake_force.running_tests import TESTS
 from studies.brake_force.statements import brake_force_statements
 from studies.brake_force.study import BRAKE_FORCE
-from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from tests.studies.brake_tables import BELIEFS, brake_table
 
@@ -101,65 +99,6 @@ def test_a_finding_with_conditions_did_not_survive_and_dry_stops_count_who_is_mi
         assert one.conditions == (f"not with friction +20%{condition}",)
 
 
-@pytest.fixture
-def quick(monkeypatch):
-    """Days that take no time; gives the cells that were run."""
-    table = brake_table(days=3, beliefs=BELIEFS)
-    asked = []
-
-    def rows(part, day, **own):
-        asked.append((day, part, *own.values()))
-        chosen = table[(table["part"] == part) & (table["event"] == day)]
-        for name, value in own.items():
-            chosen = chosen[chosen[name] == value]
-        return chosen.dropna(axis=1, how="all").to_dict("records")
-
-    monkeypatch.setattr(study, "running_test_row", lambda name, day: rows("test", day, test=name))
-    monkeypatch.setattr(study, "allocated_rows", lambda day: rows("allocated", day))
-    monkeypatch.setattr(study, "driven_rows", lambda day, shortfalls: rows("driven", day))
-    monkeypatch.setattr(study, "sliding_rows", lambda day: rows("sliding", day))
-    monkeypatch.setattr(
-        study, "budget_rows", lambda name, day, beliefs: rows("budget", day, test=name)
-    )
-    monkeypatch.setattr(study, "budget_dry_rows", lambda day, beliefs: rows("budget dry", day))
-    return asked
-
-
-CELLS_PER_DAY = len(TESTS) + 3 + len(TESTS) + 1
-
-
-def test_days_that_are_stored_are_not_run_again(tmp_path, quick):
-    told = []
-    one = BRAKE_FORCE.run(tmp_path, 2, on_row=lambda *row: told.append(row))
-    assert [row[1:] for row in told] == [
-        (k, 2 * CELLS_PER_DAY) for k in range(2 * CELLS_PER_DAY + 1)
-    ]
-    assert (BRAKE_FORCE.held(tmp_path), BRAKE_FORCE.held(tmp_path, 1)) == (2, 0)
-    more = BRAKE_FORCE.run(tmp_path, 3)
-    assert [day for day, *_ in quick] == [k for k in range(3) for _ in range(CELLS_PER_DAY)]
-    for column in ("mean", "found", "missing"):
-        assert (
-            more[more["event"] < 2][column].fillna(-1.0).tolist()
-            == one[column].fillna(-1.0).tolist()
-        )
-
-
-def test_only_whole_days_count_and_an_interrupted_one_goes_on(tmp_path, quick):
-    BRAKE_FORCE.run(tmp_path, 1, tests=("all",), beliefs=())
-    assert BRAKE_FORCE.held(tmp_path) == 0
-
-    def interrupt(label, done, total):
-        if done == 5:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        BRAKE_FORCE.run(tmp_path, 1, on_row=interrupt)
-    assert len(quick) == 5
-    BRAKE_FORCE.run(tmp_path, 1)
-    assert BRAKE_FORCE.held(tmp_path) == 1
-    assert len(quick) == len(set(quick)) == CELLS_PER_DAY
-
-
 def test_a_day_has_all_its_parts(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "allocated_rows", lambda seed: [{"part": "allocated"}])
     monkeypatch.setattr(study, "sliding_rows", lambda seed: [{"part": "sliding"}])
@@ -185,4 +124,3 @@ def test_a_day_has_all_its_parts(tmp_path, monkeypatch):
         table[~table["part"].isin(["allocated", "sliding", "budget dry"])]
     )
     assert {one.verdict for one in found} == {TOO_FEW}
-    assert find_study("brake-force") is BRAKE_FORCE

@@ -14,7 +14,6 @@ from alloc.plant.laws import GRAVITY
 from alloc.plant.sets import find_set
 from alloc.simulation import simulate
 from studies.core.claims import meets
-from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS
 from studies.files.study_error import StudyError
 from studies.slides import calibration, ensemble, ensemble_study, members
@@ -290,20 +289,6 @@ def test_walkers_stay_where_the_posterior_is_and_sets_on_the_way_that_reach_all_
     assert (table.loc[table["stage"] == "near", list(BOUNDS)].std() > 0.0).all()
 
 
-def test_an_interrupted_sweep_goes_on_as_one_that_was_not(stub, table, tmp_path):
-    class Interrupted(Exception):
-        pass
-
-    def told(label, done, cells):
-        if label == "all/generation/1":
-            raise Interrupted
-
-    with pytest.raises(Interrupted):
-        SLIDE_CALIBRATION.run(tmp_path, 2, 4, on_row=told, effort=Effort(generations=3))
-    again = SLIDE_CALIBRATION.run(tmp_path, 2, 4, effort=Effort(generations=3))
-    pd.testing.assert_frame_equal(again.drop(columns="wall_time"), table.drop(columns="wall_time"))
-
-
 def test_chosen_members_reach_and_differ_and_the_shipped_one_comes_first(table):
     rows = members.chosen(table, "all", None)
     assert undisclosed_of(rows.iloc[0]) == CALIBRATED
@@ -354,9 +339,7 @@ def test_statements_follow_the_ensemble():
     assert logarithm(2) == pytest.approx(412.42, abs=0.01)
 
 
-def test_the_sweep_is_known_by_name_and_names_a_package_that_is_missing(monkeypatch, tmp_path):
-    assert find_study("slide-calibration") is SLIDE_CALIBRATION
-
+def test_the_sweep_names_a_package_that_is_missing(monkeypatch, tmp_path):
     def missing(package):
         raise StudyError(f"calibrations need the package {package}")
 

@@ -14,7 +14,6 @@ from alloc.onboard.parameters import Belief, Onboard
 from alloc.onboard.speed_controller import Feedback, SpeedControl, Traction
 from alloc.plant.rail import Line
 from studies.command_line.options import settings_of
-from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS
 from studies.files.study_error import StudyError
 from studies.resistance.driven_cases import (
@@ -340,7 +339,6 @@ def test_all_arms_of_an_event_are_cells_and_fewer_are_the_same_cells():
     assert cells(0, 5, arms=(ODOMETER,)) == [task for task in every if task.label == "0/5/odometer"]
     with pytest.raises(StudyError, match="odometr"):
         cells(0, 0, arms=("odometr",))
-    assert find_study("line-position") is LINE_POSITION
 
 
 def test_a_table_in_which_every_claim_holds_survives_every_error():

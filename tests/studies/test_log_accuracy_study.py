@@ -26,30 +26,25 @@ def clean() -> Logged:
     return Logged(rounded(log_table(run, TRAIN)), MeasuredTrain.of(TRAIN), run)
 
 
-@pytest.fixture(scope="module")
-def damage(clean, tmp_path_factory) -> float:
-    path = FORMS[PLAIN](clean.table, clean.train.radius, tmp_path_factory.mktemp("log") / "log")
-    log = read_log(path, clean.train)
-    return analyse_run(log.run, log.train).total_damage
+def test_a_form_changes_nothing_that_the_analysis_finds(clean, tmp_path):
+    found = {}
+    for form, write in FORMS.items():
+        log = read_log(write(clean.table, clean.train.radius, tmp_path / "log"), clean.train)
+        found[form] = analyse_run(log.run, log.train).total_damage
+    assert found == pytest.approx(dict.fromkeys(found, found[PLAIN]), rel=0.01)
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_a_form_changes_nothing_that_the_analysis_finds(clean, damage, tmp_path, form):
-    log = read_log(FORMS[form](clean.table, clean.train.radius, tmp_path / "log"), clean.train)
-    assert analyse_run(log.run, log.train).total_damage == pytest.approx(damage, rel=0.01)
-
-
-@pytest.mark.parametrize("name", DEFECTS)
-def test_a_defect_is_in_the_log_or_in_what_the_reader_is_told(clean, name):
+def test_a_defect_is_in_the_log_or_in_what_the_reader_is_told(clean):
     # nearly to a stand: some defects are those of slow wheels
     slower = {speed: clean.table[speed] - 7.0 for speed in speeds_of(clean.table)}
     stop = clean._replace(table=clean.table.assign(**slower))
     before = stop.table.copy()
-    spoilt, again = (DEFECTS[name].spoil(stop, np.random.default_rng(4)) for _ in range(2))
-    pd.testing.assert_frame_equal(stop.table, before)
-    pd.testing.assert_frame_equal(spoilt.table, again.table)
-    told = np.array_equal(spoilt.train.axle_load, clean.train.axle_load)
-    assert not (told and spoilt.table.equals(before))
+    for name, defect in DEFECTS.items():
+        spoilt, again = (defect.spoil(stop, np.random.default_rng(4)) for _ in range(2))
+        pd.testing.assert_frame_equal(stop.table, before, obj=name)
+        pd.testing.assert_frame_equal(spoilt.table, again.table, obj=name)
+        told = np.array_equal(spoilt.train.axle_load, clean.train.axle_load)
+        assert not (told and spoilt.table.equals(before)), name
 
 
 def test_a_run_gives_its_clean_log_first_and_defects_in_turn():

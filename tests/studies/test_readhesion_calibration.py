@@ -139,27 +139,6 @@ def test_what_the_cases_already_refute_is_not_asked_further(monkeypatch):
     assert not row["met: wide never"]
 
 
-def test_the_study_keeps_every_set_and_tells_its_progress(stub, tmp_path, monkeypatch):
-    asked, told = [], []
-    row_of = calibration.row_of
-    monkeypatch.setattr(calibration, "row_of", lambda one: asked.append(one) or row_of(one))
-    table = CALIBRATION.run(
-        tmp_path, CALIBRATION.step, on_row=lambda *row: told.append(row), refinements=5
-    )
-    assert [row[:2] for row in told[1:3]] == [("assumed/0", 1), ("assumed/1", 2)]
-    assert told[-1][0] == "sampled/km/h/s/0"
-    assert told[-1][1] == told[-1][2]
-    count = len(asked)
-    again = CALIBRATION.run(tmp_path, CALIBRATION.step, refinements=5)
-    pd.testing.assert_frame_equal(again, table)
-    assert len(asked) == count
-    assert CALIBRATION.held(tmp_path, refinements=5) == CALIBRATION.step
-    # without the later stages, of another seed, or of other code it is another table
-    assert CALIBRATION.held(tmp_path) == CALIBRATION.held(tmp_path, 1, refinements=5) == 0
-    monkeypatch.setattr("studies.core.cell.code_hash", lambda *_: "other code")
-    assert CALIBRATION.held(tmp_path, refinements=5) == 0
-
-
 def test_statements_say_how_narrow_the_good_sets_are_and_how_many():
     def said(table):
         return {statement.name: statement for statement in CALIBRATION.statements(table)}
