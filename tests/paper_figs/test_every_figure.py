@@ -43,8 +43,7 @@ from studies.patent.learning_study import TOLERANCE as LEARNT_WITHIN
 from studies.readhesion_paper.paper import DROP, RECOVERY
 from tests.docs.pages import PAGES
 from tests.paper_figs import small_figures
-from tests.paper_figs.pictures import DPI, TABLES, from_tables, pixels, without_letters
-from tests.paper_figs.small_figures import DRAWN
+from tests.paper_figs.small_figures import DPI, DRAWN, TABLES, from_tables, pixels, without_letters
 from tests.paper_figs.text_boxes import cut_off, overlapping, words_of
 from tests.studies.brake_tables import brake_table
 from tests.studies.comparison_tables import RULES as RULES_COMPARED
