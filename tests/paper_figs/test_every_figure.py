@@ -25,6 +25,7 @@ from paper_figs.readhesion_paper import on_coefficient_scale, width_sweep
 from paper_figs.rules import (
     HIGH,
     LOW,
+    NO_EVENT,
     NO_PAIRS,
     SHOWN,
     allocate,
@@ -348,7 +349,7 @@ def test_a_sweep_shows_between_which_limits_the_members_lie():
     assert all(np.ptp(mu) == pytest.approx(0.009) for mu, _ in right if mu.size)
 
 
-def test_differences_show_the_quartiles_of_the_problems():
+def test_differences_show_the_quartiles_of_the_problems_and_where_no_event_is():
     table = difference_table()
     table["over"] = np.random.default_rng(1).uniform(0.0, 0.1, len(table))
     chosen = table[(table["part"] == "problem") & (table["rule"] == "greedy")]
@@ -356,6 +357,8 @@ def test_differences_show_the_quartiles_of_the_problems():
     drawn = [list(line.get_xdata()) for line in axes.get_lines()[:3]]
     for found, ends in zip(drawn, ((0.01, 0.99), (0.25, 0.75), (0.5, 0.5)), strict=True):
         assert [found[0], found[-1]] == pytest.approx(list(np.quantile(over, ends)))
+    bare = differences(table[table["part"] == "problem"]).axes[1:4]
+    assert [[text.get_text() for text in axes.texts] for axes in bare] == [[NO_EVENT]] * 3
 
 
 def test_verdicts_are_drawn_over_their_thresholds(monkeypatch):
