@@ -1,15 +1,25 @@
-"""One small comparison, small runs, and every figure from them; each run is computed when a figure first asks."""
+"""Small runs, made-up tables, and every figure from them; each run is computed when a figure first asks.
 
+Figures that need no run have stored pictures: marks, lines and colours, without letters, for these differ between versions
+of FreeType; other tests read the text. Tables are made up, so a picture changes where the drawing changes and not where a
+run does. `python -m pytest tests/paper_figs/test_every_figure.py --mpl-generate-path tests/paper_figs/pictures` stores them
+anew: look at each before you keep it.
+"""
+
+import io
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
-from tempfile import TemporaryDirectory
 
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from alloc.plant.train import Coupler
 from paper_figs.brakes import FAULT, faulty_car, member_runs, slide_control
-from paper_figs.drawing import Source
+from paper_figs.drawing import FIGURES
 from paper_figs.events import sharing_wanders, slip_event
 from paper_figs.lines import late_passages, line_position, real_line
 from paper_figs.logs import measured_log
@@ -25,13 +35,10 @@ from paper_figs.readhesion_paper import (
     readhesion_trajectory,
 )
 from paper_figs.replay import slip_replay
-from paper_figs.rules import rule_comparison
 from paper_figs.saving import MovingFigure
+from paper_figs.style import STYLE_FILE
 from studies.brake_force.faulty_car import allocated_stops
-from studies.comparison.grid import Grid
 from studies.core.job import Job, simulate_job
-from studies.core.runner import run_cells
-from studies.core.store import Store
 from studies.lines.line_run import run_line
 from studies.logs.measured_log import check_log
 from studies.logs.measured_run import MeasuredTrain, analyse_run
@@ -42,27 +49,64 @@ from studies.report.replay import drawing
 from studies.scenario.loading import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
-from tests.paper_figs.pictures import TABLES, from_tables
 from tests.simulation.slides import TRAIN, braked, readhering
+from tests.studies.blended_tables import blended_table
 from tests.studies.brake_tables import brake_table
-from tests.studies.example_line import EXAMPLE_PATH, example_stock
+from tests.studies.comparison_tables import comparison_table
+from tests.studies.example_lines import EXAMPLE_PATH, example_stock, short_route
+from tests.studies.headroom_tables import headroom_table
+from tests.studies.ladder_tables import curve_table, ladder_table
+from tests.studies.learning_tables import falling, synthetic
+from tests.studies.mismatch_tables import mismatch_table
 from tests.studies.position_tables import position_table
-from tests.studies.short_route import short_route
+from tests.studies.readhesion_tables import sweep_table
+from tests.studies.sander_tables import sander_table
+from tests.studies.slide_tables import slide_table
+from tests.studies.sweep_tables import claim_table, difference_table
+
+DPI = 50
+
+
+def learning_table() -> pd.DataFrame:
+    """Errors that fall from station to station, of two trains."""
+    return synthetic(falling, trains=2)
+
+
+TABLES = {
+    "allocation-bars": (), "rule-comparison": (comparison_table,),
+    "ladder": (ladder_table,), "curves": (curve_table,), "headroom": (headroom_table,), "mismatch": (mismatch_table,),
+    "differences": (difference_table,), "brake-cut-out": (brake_table,), "learning": (learning_table,),
+    **dict.fromkeys(("claim-verdicts", "claim-verdicts-search"), (lambda: claim_table(60),)),
+    "adhesion-curve": (), "open-rails": (),
+    **dict.fromkeys(("slide-pareto", "slide-electric"), (slide_table,)),
+    **dict.fromkeys(("margin-sweep", "width-sweep"), (sweep_table,)),
+    "blended": (blended_table,), "sanders": (sander_table,),
+}  # fmt: skip
+"""Figures that have a picture, and what makes their tables."""
+
+
+def from_tables(name: str) -> Figure:
+    """A figure of its made-up tables."""
+    return FIGURES[name](*(make() for make in TABLES[name]))
+
+
+def without_letters(drawn: Figure) -> Figure:
+    """The same figure, whose text is no longer seen."""
+    for text in drawn.findobj(Text):
+        text.set_visible(False)
+    return drawn
+
+
+def pixels(drawn: Figure) -> np.ndarray:
+    """The figure as it would be stored, (height, width, 3)."""
+    file = io.BytesIO()
+    with mpl.rc_context(fname=STYLE_FILE):
+        without_letters(drawn).savefig(file, dpi=DPI)
+    file.seek(0)
+    return (255 * mpl.image.imread(file)[..., :3]).astype(np.uint8)
+
 
 OTHER = replace(DEMONSTRATION, front_adhesion=0.1)
-RULES = ("alone", "greedy", "exact")
-
-
-@cache
-def source() -> Source:
-    """Two short events under three rules and two controllers, two seeds."""
-    scenarios = tuple(
-        load_scenario(name).changed(duration_s=3.0) for name in ("wet-start", "very-low-adhesion")
-    )
-    grid = Grid(scenarios, RULES, ("none", "cut-and-ramp"), (0, 1))
-    with TemporaryDirectory() as folder:
-        store = Store(folder)
-        return Source(store, run_cells(grid.jobs(), store))
 
 
 @cache
@@ -103,6 +147,11 @@ def line_run():
     return run_line(EXAMPLE_PATH, example_stock())
 
 
+@cache
+def faulty_stops():
+    return allocated_stops(FAULT, 0)
+
+
 def a_train():
     """What the train of `runs` is drawn from."""
     return drawing(load_scenario("very-low-adhesion").event().model)
@@ -118,7 +167,6 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     **{name: partial(from_tables, name) for name in TABLES},
     "slip-event": lambda: slip_event(*runs()),
     "slip-replay": lambda: few_instants(slip_replay(a_train(), runs()[1])),
-    "rule-comparison": lambda: rule_comparison(source().table),
     "sharing-wanders": lambda: sharing_wanders(*runs()),
     "readhesion-slip": lambda: readhesion_slip(*cases()),
     "readhesion-torque": lambda: readhesion_torque(*cases()),
@@ -132,8 +180,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "real-line": lambda: real_line(line_run()),
     "measured-log": lambda: measured_log(*logged()),
     "faulty-car": lambda: faulty_car(
-        allocated_stops(FAULT, 0),
-        brake_table()[lambda t: t["part"] == "driven"],
+        faulty_stops(), brake_table()[lambda t: t["part"] == "driven"]
     ),
     "line-position": lambda: line_position(
         short_route(), late_passages(short_route()), position_table()

@@ -1,24 +1,58 @@
-"""Every figure, laid out once: it can be read as printed, and it looks as it did when somebody last looked at it."""
+"""Every figure, laid out once: it can be read as printed, shows what was computed, and looks as when last looked at."""
 
 import io
 import re
+from collections import defaultdict
+from functools import partial
 
 import matplotlib as mpl
+import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.testing.compare import calculate_rms
 
+from alloc.onboard.host import CONTROLLERS
+from alloc.plant.adhesion import PiecewiseCurve
 from paper_figs import rules
+from paper_figs.adhesion import PEAK
+from paper_figs.brakes import ACCUSED, FAULT
 from paper_figs.drawing import FIGURES
 from paper_figs.drawn_data import drawn_data
-from paper_figs.style import COLUMN, NOTE, STYLE_FILE, Width, new_figure
+from paper_figs.patent import LEARNERS, LOOKS, claim_verdicts, claim_verdicts_search, learning
+from paper_figs.readhesion_paper import on_coefficient_scale, width_sweep
+from paper_figs.rules import (
+    HIGH,
+    LOW,
+    NO_EVENT,
+    NO_PAIRS,
+    SHOWN,
+    allocate,
+    caps,
+    differences,
+    rule_comparison,
+)
+from paper_figs.style import BETTER, COLUMN, NOTE, STYLE_FILE, Width, new_figure, rule_colour
+from studies.brake_force.statements import CUT_OUT
+from studies.comparison.summary import REFERENCE, summarise
+from studies.core.drawn_events import COMPARED, Arm
+from studies.core.statement import FAILS, HOLDS
 from studies.files.study_error import StudyError
+from studies.patent.claims_study import CLAIM_STUDY, LAYERS
+from studies.patent.learning_study import TOLERANCE as LEARNT_WITHIN
+from studies.readhesion_paper.paper import DROP, RECOVERY
 from tests.docs.pages import PAGES
-from tests.paper_figs.pictures import DPI, TABLES, from_tables, pixels, without_letters
-from tests.paper_figs.small_figures import DRAWN
+from tests.paper_figs import small_figures
+from tests.paper_figs.small_figures import DPI, DRAWN, TABLES, from_tables, pixels, without_letters
 from tests.paper_figs.text_boxes import cut_off, overlapping, words_of
+from tests.studies.brake_tables import brake_table
+from tests.studies.comparison_tables import RULES as RULES_COMPARED
 from tests.studies.comparison_tables import comparison_table
+from tests.studies.learning_tables import falling
+from tests.studies.learning_tables import synthetic as learning_table
+from tests.studies.readhesion_tables import limit_of, sweep_table
+from tests.studies.sweep_tables import claim_table, difference_table
 
 TOLERANCE = 1.0
 """Root mean square over all pixels, of 255; a mark that moves by its own width gives more."""
@@ -37,6 +71,19 @@ STORED = {
     )
     for name in TABLES
 }  # fmt: skip
+LAWS = defaultdict(list)
+"""Figure -> what it alone must show, each a function of it."""
+
+
+def law(*names):
+    """Register a law of figures, which is checked where the figure is laid out."""
+
+    def register(function):
+        for name in names:
+            LAWS[name].append(function)
+        return function
+
+    return register
 
 
 @pytest.mark.parametrize(
@@ -55,6 +102,8 @@ def test_figure(name):
     assert overlapping(words) == []
     assert cut_off(figure, words) == []
     its_numbers_are_written(figure)
+    for check in LAWS[name]:
+        check(figure)
     return without_letters(figure) if name in TABLES else None
 
 
@@ -86,21 +135,320 @@ def its_numbers_are_written(figure):
     assert table.drop(columns=["panel", "kind"]).notna().any(axis="columns").all()
 
 
-def test_small_runs_draw_every_figure():
+def lines_of(axes):
+    """Lines that carry data; error bars have theirs among them."""
+    return [line for line in axes.get_lines() if len(line.get_xdata()) > 0]
+
+
+def data(line):
+    return np.asarray(line.get_xdata(), dtype=float), np.asarray(line.get_ydata(), dtype=float)
+
+
+@law("rule-comparison")
+def its_rules_have_their_colours_and_its_points_are_the_paired_differences(figure):
+    rules = [rule for rule in RULES_COMPARED if rule != REFERENCE]
+    shown = {to_hex(line.get_color()) for axes in figure.axes for line in lines_of(axes)}
+    assert {rule_colour(rule) for rule in rules} <= shown
+    (legend,) = figure.legends
+    of_label = {
+        text.get_text(): to_hex(handle.get_color())
+        for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
+    }
+    assert of_label == {rule: rule_colour(rule) for rule in rules}
+    lines, data = summarise(comparison_table()), drawn_data(figure)
+    for place, (metric, better) in enumerate((("effort_ratio", 1), ("damage", -1))):
+        panels = list(dict.fromkeys(data["panel"]))[2 * place : 2 * place + 2]
+        shown = data[data["panel"].isin(panels) & data["kind"].isin(["mean", "point"])]
+        factor = 1.0 if metric == "damage" else 100.0
+        meant = {
+            (one.rule, round(factor * one.differences[metric].value, 9)) for one in lines if one.differences
+        }  # fmt: skip
+        rounded = {(r, round(x, 9)) for r, x in zip(shown["series"], shown["x"], strict=True)}
+        assert rounded == meant
+        axes = figure.axes[2 * place]
+        (side,) = [patch for patch in axes.patches if to_hex(patch.get_facecolor()) == BETTER]
+        low, high = axes.get_xlim()
+        ends = (side.get_x(), side.get_x() + side.get_width())
+        assert ends == pytest.approx((0.0, high) if better > 0 else (low, 0.0))
+
+
+@law("allocation-bars")
+def its_dots_are_the_rules_answers_and_open_above_the_cap(figure):
+    for k, rule in enumerate(SHOWN):
+        assert figure.axes[k].get_title().startswith(f"{rule}\n")
+        for row, (found, case) in enumerate(((HIGH, "B"), (LOW, "A"))):
+            axes = figure.axes[row * len(SHOWN) + k]
+            dots = {line.get_gid(): line for line in axes.get_lines()}
+            limits = {to_hex(line.get_color()) for gid, line in dots.items() if gid}
+            assert limits == {rule_colour(rule)}
+            answer = allocate(rule, found).limit
+            np.testing.assert_allclose(dots[f"limit of {rule}"].get_ydata(), answer)
+            above = dots[f"limit of {rule} above the cap"]
+            np.testing.assert_allclose(above.get_ydata(), answer[answer > caps(found) + 1e-9])
+            assert above.get_markerfacecolor() == "white"
+            assert allocate("exact", found).case == case  # which the figure names
+
+
+@law("adhesion-curve")
+def its_curve_is_the_plants(figure):
+    curve, left = PiecewiseCurve(), figure.axes[0]
+    for line in left.get_lines()[:3]:
+        slip, mu = line.get_xdata(), line.get_ydata()
+        np.testing.assert_allclose(mu, curve.coefficient(np.asarray(slip), PEAK))
+    peak, top = curve.limit(PEAK)
+    marked = left.get_lines()[3]
+    assert (marked.get_xdata()[0], marked.get_ydata()[0]) == (float(top), float(peak))
+
+
+@law("measured-log")
+def its_log_has_its_gap_and_what_was_found(figure):
+    log, found = small_figures.logged()
+    axes = figure.axes
+    train = next(line for line in axes[0].get_lines() if line.get_label() == "train")
+    assert np.isnan(train.get_ydata()).sum() == 1
+    np.testing.assert_allclose(train.get_ydata()[:60], 3.6 * log.run.speed[:60])
+    slips, coefficients, forces = (one for one in axes if one.get_images())
+    shown = slips.get_images()[0].get_array()  # (axle, column)
+    assert np.ma.is_masked(shown)  # in the gap
+    assert shown.max() == pytest.approx(np.nanmax(np.abs(found.slip_velocity)))
+    (rings,) = (line for line in slips.get_lines() if line.get_marker() == "o")
+    assert sorted(rings.get_ydata()) == sorted(event.axle + 1 for event in found.events)
+    assert coefficients.get_images()[0].get_array().shape[0] == log.train.radius.size
+    for one in (slips, coefficients, forces):  # the scale of each stands beside it
+        scale = one.get_images()[0].colorbar.ax.get_position()
+        assert scale.y0 == pytest.approx(one.get_position().y0, abs=0.01)
+    force = forces.get_images()[0].get_array()
+    assert force.max() == pytest.approx(1e-3 * np.nanmax(found.car_force))
+    bars = next(one for one in axes if one.get_xlabel() == "Q [kJ]").containers[0]
+    np.testing.assert_allclose([bar.get_width() for bar in bars], 1e-3 * found.axle_damage)
+
+
+@law("slip-event")
+def it_shows_what_units_have_and_use(figure):
+    runs = small_figures.runs()
+    titles = [axes._left_title for axes in figure.axes[:2]]
+    assert [to_hex(t.get_color()) for t in titles] == [rule_colour("alone"), rule_colour("exact")]
+    rows = 2 + runs[0].sizes["unit"] + 1
+    axes = np.reshape(figure.axes[: 2 * rows], (rows, 2))
+    for column, run in zip(axes.T, runs, strict=True):
+        rail, slip = (one.get_images()[0].get_array() for one in column[:2])
+        assert rail.min() == pytest.approx(run["adhesion_limit"].values.min())
+        assert slip.max() == pytest.approx(np.abs(run["slip_velocity"].values).max())
+        for unit, one in enumerate(column[2:-1]):
+            own = run["axle_unit"].values == unit
+            load = run["axle_load"].values[:, own].sum(axis=1)
+            used = np.abs(run["rail_force"].values[:, own].sum(axis=1)) / load
+            lines = {line.get_label(): np.asarray(line.get_ydata()) for line in one.get_lines()}
+            np.testing.assert_allclose(lines["used"], used)
+            np.testing.assert_allclose(lines["limit"], run["limit"].values[:, unit])
+            (there,) = (one.get_paths()[0].vertices[:, 1].max() for one in one.collections)
+            assert there >= used.max() - 1e-9  # nobody uses more than there is
+
+
+@law("real-line")
+def its_run_lies_below_what_is_permitted_and_stops_are_named_as_points_passed_are(figure):
+    one = small_figures.line_run()
+    upper, strip, _ = figure.axes
+    permitted, speed = upper.get_lines()[:2]
+    np.testing.assert_allclose(speed.get_xdata(), 1e-3 * one.run["position"].values)
+    np.testing.assert_allclose(speed.get_ydata(), 3.6 * one.run["speed"].values)
+    allowed = np.interp(speed.get_xdata(), permitted.get_xdata(), permitted.get_ydata())
+    assert (speed.get_ydata() - allowed).max() < 2.0  # between two points of the drawn curve
+    stops = {stop.point.name for stop in one.stops}
+    named = [text.get_text() for text in strip.texts]
+    assert stops
+    assert stops <= set(named)
+    assert len(named) == len(set(named))
+    assert not upper.texts  # no name lies over the curve of a braking train
+
+
+@law("brake-cut-out")
+def its_line_is_that_of_the_means_and_each_day_is_off_it_by_what_is_drawn(figure):
+    table = brake_table()
+    forces, off = figure.axes
+    line, means = (np.transpose(one.get_data()) for one in forces.get_lines())
+    slope = (line[1, 1] - line[0, 1]) / (line[1, 0] - line[0, 0])
+    assert slope == pytest.approx(33.0, abs=0.5)
+    drawn = np.transpose(off.containers[0].lines[0].get_data())
+    rows = table[table["test"].isin(list(CUT_OUT))]
+    expected = rows["mean"] - (line[0, 1] + slope * rows["test"].map(CUT_OUT))
+    np.testing.assert_allclose(sorted(drawn[:, 1]), sorted(expected), atol=1e-6)
+    # days stand beside each other, nearer to their own number of wagons than to another
+    count = means[np.abs(drawn[:, [0]] - means[:, 0]).argmin(axis=1), 0]
+    assert sorted(count) == sorted(rows["test"].map(CUT_OUT))
+    assert len({round(x, 6) for x in drawn[:, 0]}) == len(drawn)
+
+
+@law("faulty-car")
+def its_bars_are_shortfalls_and_the_accused_stand_out(figure):
+    found, axes = small_figures.faulty_stops()[0].shortfalls(), figure.axes[0]
+    bars = axes.containers[0]
+    np.testing.assert_allclose(
+        [bar.get_height() for bar in bars], np.nan_to_num(found.shortfall) / 1e3
+    )
+    accused = [k for k, bar in enumerate(bars) if to_hex(bar.get_facecolor()) == ACCUSED]
+    assert accused == sorted(found.accused)
+    assert FAULT.car in accused
+    words = " ".join(text.get_text() for text in axes.texts)
+    assert f"car {FAULT.car + 1} is accused" in words
+    assert words.count("not judged") == np.isnan(found.shortfall).sum()
+
+
+@law("readhesion-slip", "readhesion-torque")
+def its_slip_or_torque_is_that_of_the_runs_in_both_units(figure):
+    both = small_figures.cases()
+    if len(figure.axes) == 6:
+        names, lanes = ("slip", "peak_slip"), (0, 1, 1)
+    else:
+        names, lanes = (None, "coefficient"), (0, 1)
+    for column, runs in zip(np.reshape(figure.axes, (-1, 2)).T, both, strict=True):
+        for one, lane in zip(column, lanes, strict=True):
+            for line, name in zip(one.get_lines(), names, strict=False):
+                if name:
+                    np.testing.assert_array_equal(data(line)[1], getattr(runs, name)[:, lane])
+
+
+@law("readhesion-trajectory")
+def its_trajectories_end_before_the_rail_recovers(figure):
+    axes = np.reshape(figure.axes, (2, 2)).T
+    for column, runs in zip(axes, small_figures.cases(), strict=True):
+        shown = (runs.time >= DROP) & (runs.time < RECOVERY - 0.02)
+        held = (runs.time > 3.0) & (runs.time < DROP - 0.1)
+        for lane, one in enumerate(column):
+            slip, torque = data(one.get_lines()[0])
+            scaled = on_coefficient_scale(runs, lane)
+            np.testing.assert_array_equal(slip, runs.slip[shown, lane])
+            np.testing.assert_array_equal(torque, scaled[shown])
+            # torque and coefficient lie on each other until the wheel slips
+            np.testing.assert_allclose(scaled[held], runs.coefficient[held, lane], rtol=2e-3)
+
+
+def it_shows_what_readheres_in_both_units(figure, of_margin):
+    for axes in figure.axes[:2]:
+        good, bad, limits = (data(line) for line in axes.get_lines()[:3])
+        for (places, values), readheres in ((good, True), (bad, False)):
+            for mu, value in zip(places, values, strict=True):
+                least = limit_of(value, 0.2) if of_margin else limit_of(0.4, value)
+                assert (mu >= least) == readheres
+        assert len(good[0]) + len(bad[0]) == 150
+        assert np.isfinite(limits[0]).sum() == (10 if of_margin else 5)
+
+
+law("margin-sweep")(partial(it_shows_what_readheres_in_both_units, of_margin=True))
+law("width-sweep")(partial(it_shows_what_readheres_in_both_units, of_margin=False))
+
+
+def test_a_sweep_shows_between_which_limits_the_members_lie():
+    table = sweep_table()
+    chosen = (table["unit"] == "m/s2") & (table["member"] == 1)
+    table.loc[chosen, "limit_coefficient"] += 0.01
+    left, right = (
+        [data(line) for line in axes.get_lines()[3:]] for axes in width_sweep(table).axes[:2]
+    )
+    assert all(np.ptp(mu) == 0.0 for mu, _ in left if mu.size)
+    assert all(np.ptp(mu) == pytest.approx(0.009) for mu, _ in right if mu.size)
+
+
+def test_differences_show_the_quartiles_of_the_problems_and_where_no_event_is():
+    table = difference_table()
+    table["over"] = np.random.default_rng(1).uniform(0.0, 0.1, len(table))
+    chosen = table[(table["part"] == "problem") & (table["rule"] == "greedy")]
+    axes, over = differences(table).axes[0], 100 * (chosen["over"] - chosen["short"])
+    drawn = [list(line.get_xdata()) for line in axes.get_lines()[:3]]
+    for found, ends in zip(drawn, ((0.01, 0.99), (0.25, 0.75), (0.5, 0.5)), strict=True):
+        assert [found[0], found[-1]] == pytest.approx(list(np.quantile(over, ends)))
+    bare = differences(table[table["part"] == "problem"]).axes[1:4]
+    assert [[text.get_text() for text in axes.texts] for axes in bare] == [[NO_EVENT]] * 3
+
+
+def test_verdicts_are_drawn_over_their_thresholds(monkeypatch):
+    """Dots are the estimates in the colour of the verdict; the line is the threshold; the shade the side claimed."""
+    for module in ("studies.patent.claims_study", "paper_figs.patent"):
+        monkeypatch.setattr(f"{module}.ARMS", (Arm("greedy", "cut-and-ramp"),))
+    table = claim_table(
+        120, lambda row: row | ({"unit_use_low": 0.8} if row["rule"] == "greedy" else {})
+    )
+    found = {s.name: s for s in CLAIM_STUDY.statements(table)}
+    figure = claim_verdicts(table)
+    assert [axes.get_title(loc="left")[1] for axes in figure.axes] == list("abcde")
+    for axes, statement in zip(figure.axes, found.values(), strict=True):
+        factor, test = 1.0 if statement.name == "d" else 100.0, statement.test
+        look = LOOKS[statement.verdict]
+        (dot,) = [line for line in axes.lines if line.get_marker() == look["marker"]]
+        assert dot.get_xdata()[0] == pytest.approx(factor * test.estimate.value)
+        assert dot.get_color() == look["color"]
+        threshold = factor * test.threshold
+        assert any(list(line.get_xdata()) == [threshold, threshold] for line in axes.lines)
+        (shade,) = axes.patches
+        ends = sorted((shade.get_x(), shade.get_x() + shade.get_width()))
+        assert ends[0 if test.direction == "at least" else 1] == pytest.approx(threshold)
+        low, high = axes.get_xlim()
+        ends = [factor * end for end in (test.adjusted.low, test.adjusted.high)]
+        assert low < min(*ends, threshold)
+        assert high > max(*ends, threshold)
+        (words,) = axes.texts
+        assert words.get_text().startswith(f"{statement.verdict}, n = {test.estimate.count}\n")
+    assert found["b"].verdict == FAILS
+
+
+def test_each_controller_has_its_own_verdicts_and_few_events_say_so():
+    """The claims hold under the one, and under the other claim (b) fails, in its own figure alone."""
+    table = claim_table(
+        120, lambda row: row | ({"unit_use_low": 0.8} if row["controller"] == COMPARED[1] else {})
+    )
+    for draw, verdict in ((claim_verdicts, HOLDS), (claim_verdicts_search, FAILS)):
+        axes = draw(table).axes[1]
+        assert [label.get_text() for label in axes.get_yticklabels()] == list(LAYERS)
+        assert [words.get_text().partition(",")[0] for words in axes.texts] == [verdict] * 4
+    few = claim_verdicts(claim_table(4))
+    assert all(axes.texts[0].get_text().startswith("too few events") for axes in few.axes)
+
+
+def test_learning_shows_each_series_their_mean_and_how_many_are_within_the_tolerance():
+    table = learning_table(falling, trains=3)
+    table.loc[(table["train"] == 2) & (table["arm"] == "Gaussian"), "error"] = 0.01
+    sound = table[table["case"] == "sound"]
+    kinds = list(sound[["rail", "stored"]].drop_duplicates().itertuples(index=False, name=None))
+    panels = np.reshape(learning(table).axes, (len(kinds), len(LEARNERS)))
+    for (rail, stored), row in zip(kinds, panels, strict=True):
+        rows = sound[(sound["rail"] == rail) & (sound["stored"] == stored)]
+        for arm, axes in zip(LEARNERS, row, strict=True):
+            own = rows[rows["arm"] == arm]
+            lines = {line.get_label(): line for line in axes.get_lines()}
+            np.testing.assert_allclose(
+                lines["_mean"].get_ydata(), own.groupby("station")["error"].mean()
+            )
+            ends = own[own["station"] == own["station"].max()]["error"]
+            series = [line for line in axes.get_lines() if line.get_label() == "_train"]
+            assert sorted(line.get_ydata()[-1] for line in series) == sorted(ends)
+            within = int((ends <= LEARNT_WITHIN).sum())
+            assert f"{within} of {len(ends)} within" in [text.get_text() for text in axes.texts]
+            assert set(lines["tolerance"].get_ydata()) == {LEARNT_WITHIN}
+
+
+def test_a_comparison_without_the_reference_says_so_and_any_number_of_controllers_is_drawn():
+    table = comparison_table()
+    axes = rule_comparison(table[table["rule"] != REFERENCE]).axes[0]
+    assert [text.get_text() for text in axes.texts] == [NO_PAIRS]
+    for count in (1, 5):
+        names = list(CONTROLLERS)[:count]
+        drawn = rule_comparison(comparison_table(tuple(names)))
+        shown = [axes.get_title("center") for axes in drawn.axes if axes.get_visible()]
+        assert sorted(shown) == sorted(2 * names)
+
+
+def test_every_figure_has_a_description_small_runs_that_draw_it_and_a_page():
     assert set(DRAWN) == set(FIGURES)
-
-
-def test_every_figure_serves_a_page():
+    for entry in FIGURES.values():
+        assert callable(entry)
+        assert len(entry.description) > 20
     pages = "\n".join(text for page, text in PAGES.items() if page != "CHANGELOG.md")
     shown = re.findall(r"(?:readhesion figures\s|gallery/|FIGURES\[\")([\w\s-]+)", pages)
     named = {name for one in shown for name in one.split()}
     assert set(FIGURES) - named == set()
-
-
-@pytest.mark.parametrize("width", [5.0, 3.5, 7.1])
-def test_no_other_width_can_be_asked_for(width):
-    with pytest.raises(StudyError, match="take COLUMN"):
-        new_figure(width, 2.0)
+    for width in (5.0, 3.5, 7.1):
+        with pytest.raises(StudyError, match="take COLUMN"):
+            new_figure(width, 2.0)
 
 
 def test_text_that_overlaps_is_found():

@@ -3,13 +3,12 @@
 from itertools import combinations, product
 
 import numpy as np
-import pytest
 from colorspacious import cspace_convert
 from matplotlib.colors import to_rgb
 
 from alloc.onboard.host import CONTROLLERS, HostedController
 from alloc.rules import RULES
-from paper_figs.style import OTHER_COLOUR
+from paper_figs.style import CONTROLLER_FILL, OTHER_COLOUR
 from studies.comparison.defaults import SLOW_CONTROLLER
 from studies.core.drawn_events import COMPARED
 
@@ -43,24 +42,20 @@ def distance(one, other, sight=None):
     return float(np.linalg.norm(seen(one, sight) - seen(other, sight)))
 
 
-@pytest.mark.parametrize("sight", SIGHTS)
-@pytest.mark.parametrize("palette", PALETTES)
-def test_colours_of_a_palette_are_told_apart(palette, sight):
-    colours = PALETTES[palette]
-    for one, other in combinations(colours, 2):
-        both_main = one in MAIN[palette] and other in MAIN[palette]
-        least = LEAST_COMPARED if both_main else LEAST
-        assert distance(colours[one], colours[other], sight) >= least, (one, other)
-
-
-def test_no_rule_looks_like_a_controller():
+def test_colours_and_markers_of_a_palette_are_told_apart():
+    for palette, colours in PALETTES.items():
+        for (one, other), sight in product(combinations(colours, 2), SIGHTS):
+            both_main = one in MAIN[palette] and other in MAIN[palette]
+            least = LEAST_COMPARED if both_main else LEAST
+            assert distance(colours[one], colours[other], sight) >= least, (one, other, sight)
+    # no rule looks like a controller
     for one, other in product(*(palette.items() for palette in PALETTES.values())):
         assert distance(one[1], other[1]) >= LEAST_ACROSS, (one, other)
-
-
-@pytest.mark.parametrize("parts", [RULES, CONTROLLERS])
-def test_markers_tell_apart_what_grey_print_does_not(parts):
-    assert len({part.marker for part in parts.values()}) == len(parts)
+    # what grey print does not tell apart markers do, and fillings of controllers
+    for parts in (RULES, CONTROLLERS):
+        assert len({part.marker for part in parts.values()}) == len(parts)
+    assert set(CONTROLLER_FILL) < set(CONTROLLERS)
+    assert len(set(CONTROLLER_FILL.values())) == len(CONTROLLER_FILL)
 
 
 def test_every_colour_stands_out_from_paper():

@@ -9,7 +9,7 @@ import xarray as xr
 
 from alloc.metrics import METRICS
 from alloc.plant.sets import find_set
-from alloc.plant.train import Train
+from alloc.plant.train import Coupler, Train
 from alloc.simulation import simulate
 from studies.core.job import Job, simulate_job
 from studies.ladder.events import scenario as drawn_start
@@ -49,6 +49,9 @@ def _run_of(name: str) -> tuple[xr.Dataset, Train]:
     """A run by name: one of `tests.simulation.slides`, a drawn one, or a scenario and its seed."""
     if name == "braked":  # three cars whose wheels slide and readhere
         return braked(readhering, rail=CLEANED_RAIL), TRAIN
+    if name == "coupled":
+        train = TRAIN.coupled(Coupler())
+        return braked(readhering, train=train, rail=CLEANED_RAIL), train
     if name == "driven":  # eight cars whose wheels run away; their trailers roll freely
         return driven(), find_set("commuter-8car")
     if name == "locomotive":  # before wagons without sensors
@@ -57,6 +60,10 @@ def _run_of(name: str) -> tuple[xr.Dataset, Train]:
     if name == "long stop":
         event = stop_of(find_set("jp4209318-3car"), "slip-ratio", 0.05, 60.0 / 3.6).event
         return simulate(event, "alone", "none"), event.model.train
+    if name == "patch":  # cars that meet a wet patch under the patent's rule
+        scenario = load_scenario("wet-patch")
+        run = simulate_job(Job(scenario, "greedy-literal", "cut-and-ramp", 0))
+        return run, scenario.event(0).model.train
     what, _, number = name.rpartition(" ")
     seed, rule, controller = int(number), "cooperative", "perturb-observe"
     if what in ("hill", "crawl"):

@@ -9,6 +9,7 @@ from studies.comparison.defaults import make_grid
 from studies.comparison.grid import Grid
 from studies.core.store import Store
 from studies.report.gathering import gather
+from studies.report.packing import Packed, unpack
 from studies.report.page import Material
 from studies.scenario.scenario import Scenario
 
@@ -38,6 +39,13 @@ def make(scenario: Scenario, results: Path) -> Made:
     )
     grid = make_grid([scenario.changed(duration_s=3.0), milder], RULES, CONTROLLERS, SEEDS)
     return Made(grid, results, gather(grid, results, "readhesion report --scenario short.toml"))
+
+
+def unpacked(replay):
+    """The series of a replay, and the step of each."""
+    columns = {name: count for name, count, _ in replay.run["series"]}
+    steps = {name: step for name, _, step in replay.run["series"]}
+    return unpack(Packed(replay.run["text"], columns, steps, replay.run["instants"])), steps
 
 
 def need_packages() -> None:

@@ -14,8 +14,8 @@ from studies.core.collection import all_studies
 from studies.core.statement import CONDITIONS, FAILS, HOLDS
 from tests.results_hash import SYNTHETIC
 from tests.studies.blended_tables import blended_table
-from tests.studies.test_log_accuracy_study import table as log_table
-from tests.studies.test_slide_calibration import ensemble_table
+from tests.studies.test_jp4209318 import ensemble_table
+from tests.studies.test_log_round_trip import table as log_table
 
 TABLES = {
     **SYNTHETIC,

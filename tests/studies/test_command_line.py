@@ -34,22 +34,6 @@ PNG, PDF = b"\x89PNG", b"%PDF"
 
 
 @pytest.fixture
-def refused(call):
-    """Run the command on bad input; gives the one line that it prints."""
-
-    def refused(*arguments: object) -> str:
-        code, out, err = call(*arguments)
-        lines = [line for line in err.splitlines() if line.strip()]
-        assert code == 2
-        assert out == ""
-        assert len(lines) == 1, err
-        assert lines[0].startswith("readhesion: ")
-        return lines[0]
-
-    return refused
-
-
-@pytest.fixture
 def small(short_file, tmp_path):
     """Options of a comparison that takes no time."""
     return (
@@ -95,27 +79,20 @@ def test_a_command_is_told_with_its_plug_ins_and_can_be_typed_again(monkeypatch,
     ]  # fmt: skip
 
 
-def test_json_is_all_that_is_printed_and_holds_every_metric(call, small):
-    code, out, _ = call("compare", *small, "--no-figures", "--json", "--seeds", 2)
+def test_json_is_all_that_is_printed_holds_every_metric_and_a_second_call_runs_nothing(
+    call, small, monkeypatch
+):
+    names = [option if option != "alone" else "alone,greedy" for option in small]
+    code, out, _ = call("compare", *names, "--no-figures", "--json", "--seeds", 2)
     content = json.loads(out)
     assert code == 0
-    assert [row["rule"] for row in content["rows"]] == ["alone", "exact"]
+    assert [row["rule"] for row in content["rows"]] == ["alone", "greedy", "exact"]
     assert all(set(METRICS) <= set(row["metrics"]) for row in content["rows"])
     assert content["about"]["scenarios"]["short"]["case"] == "A"
     assert content["about"]["seeds"] == [0, 1]
     assert {"code", "cores", "version_numba", "git_revision"} <= set(content["about"])
-
-
-def test_a_second_call_runs_nothing(call, small, monkeypatch):
-    first = call("compare", *small, "--no-figures", "--json")
     monkeypatch.setattr("studies.core.runner.run_cell", None)
-    assert call("compare", *small, "--no-figures", "--json")[1] == first[1]
-
-
-def test_names_may_be_given_with_commas(call, small):
-    options = [option if option != "alone" else "alone,greedy" for option in small]
-    _, out, _ = call("compare", *options, "--no-figures", "--json")
-    assert [row["rule"] for row in json.loads(out)["rows"]] == ["alone", "greedy", "exact"]
+    assert call("compare", *names, "--no-figures", "--json", "--seeds", 2)[1] == out
 
 
 def test_chosen_runs_are_recorded(call, small, tmp_path):
@@ -135,7 +112,7 @@ def test_if_every_run_fails_the_exit_code_says_so(call, small, monkeypatch):
     assert "10 failed" in out
 
 
-def test_one_event_is_simulated(call, short_file, tmp_path):
+def test_one_event_is_simulated_and_goes_out_as_a_run_a_figure_or_json(call, short_file, tmp_path):
     code, out, _ = call(
         "simulate", short_file, "--rule", "exact", "--out", tmp_path / "run.nc",
         "--figure", tmp_path / "run.png",
@@ -144,6 +121,10 @@ def test_one_event_is_simulated(call, short_file, tmp_path):
     assert all(name in out for name in METRICS)
     assert load(tmp_path / "run.nc").attrs["rule"] == "exact"
     assert (tmp_path / "run.png").read_bytes().startswith(PNG)
+    content = json.loads(call("simulate", short_file, "--json", "--seed", 3)[1])
+    assert (content["scenario"], content["seed"]) == ("short", 3)
+    assert set(content["metrics"]) == set(METRICS)
+    assert content["metrics"]["coupler_peak"] is None
 
 
 def test_a_figure_of_a_line_or_a_log_names_the_command_that_gives_it(call, short_file, tmp_path):
@@ -165,14 +146,6 @@ def test_a_figure_of_a_line_or_a_log_names_the_command_that_gives_it(call, short
     assert f"readhesion simulate {shlex.quote(str(short_file))} --rule exact" in source
 
 
-def test_one_event_as_json(call, short_file):
-    _, out, _ = call("simulate", short_file, "--json", "--seed", 3)
-    content = json.loads(out)
-    assert (content["scenario"], content["seed"]) == ("short", 3)
-    assert set(content["metrics"]) == set(METRICS)
-    assert content["metrics"]["coupler_peak"] is None
-
-
 def test_everything_that_can_be_chosen_is_listed(call):
     code, out, _ = call("list", "--json")
     content = json.loads(out)
@@ -181,6 +154,7 @@ def test_everything_that_can_be_chosen_is_listed(call):
     assert list(content["rules"]) == list(RULES)
     assert list(content["controllers"]) == list(CONTROLLERS)
     assert "[kJ]" in content["metrics"]["damage"]
+    assert "axleN_torque_nm|knm" in content["columns of a log"]
     assert all(meaning for kind in content.values() for meaning in kind.values())
     _, printed, _ = call("list")
     assert "[kJ]" in printed
@@ -218,31 +192,22 @@ def test_options_of_a_sweep_are_the_arguments_of_its_cells_read_by_their_types()
             TypeAdapter(kind)
 
 
-def test_seeds_of_a_scenario_that_draws_nothing_are_refused(refused, write_scenario):
-    text = write_scenario.short.partition("[onboard")[0]
-    path = write_scenario(text, ("scatter = 0.01", "scatter = 0.0"))
-    line = refused("compare", "--scenario", path, "--seeds", "3")
-    assert "--seeds 3: nothing in scenario 'own' depends on the seed" in line
-
-
-def test_a_folder_that_cannot_be_written_is_refused(refused, short_file):
-    inside_a_file = short_file / "results"
-    line = refused("compare", "--scenario", short_file, "--out", inside_a_file)
-    assert f"output folder '{inside_a_file}' cannot be written" in line
-
-
-def test_a_solver_that_is_not_installed_is_named(refused, short_file, monkeypatch):
+def test_what_is_not_installed_or_drawn_is_named(call, short_file, write_scenario, monkeypatch):
     alloc.rules.qp.workspace.cache_clear()
-    monkeypatch.setitem(sys.modules, "osqp", None)
-    line = refused("compare", "--scenario", short_file, "--rules", "exact", "qp")
-    assert "osqp" in line
-    assert "qp" in line
-
-
-def test_a_controller_that_is_not_installed_is_named(refused, short_file, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mpc.hosted", None)
-    line = refused("compare", "--scenario", short_file, "--controllers", "mpc")
-    assert "controller 'mpc' needs something that is not installed" in line
+    text = write_scenario.short.partition("[onboard")[0]
+    fixed = write_scenario(text, ("scatter = 0.01", "scatter = 0.0"))
+    for missing, words, *said in (
+        ("osqp", (short_file, "--rules", "exact", "qp"), "osqp", "qp"),
+        ("mpc.hosted", (short_file, "--controllers", "mpc"), "'mpc' needs something that is not installed"),
+        ("none", (fixed, "--seeds", "3"), "--seeds 3: nothing in scenario 'own' depends on the seed"),
+    ):  # fmt: skip
+        with monkeypatch.context() as patched:
+            patched.setitem(sys.modules, missing, None)
+            code, out, err = call("compare", "--scenario", *words)
+        (line,) = [line for line in err.splitlines() if line.strip()]
+        assert (code, out) == (2, "")
+        assert line.startswith("readhesion: ")
+        assert all(one in line for one in said)
 
 
 def process(*arguments: object, **options) -> subprocess.Popen:

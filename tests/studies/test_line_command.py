@@ -1,4 +1,4 @@
-"""`readhesion run-line` as a user meets it, and one clear line for every kind of broken file."""
+"""`readhesion run-line` as a user meets it, and files of a line and a train; bad input is in the battery."""
 
 import json
 from copy import deepcopy
@@ -105,20 +105,6 @@ def files(tmp_path):
     return write
 
 
-@pytest.fixture
-def refused(call, files):
-    """Run the command on broken files; gives the one line that it prints."""
-
-    def refused(*options, line=PATH, train=STOCK):
-        code, out, err = call("run-line", *files(line, train), *options)
-        assert (code, out) == (2, "")
-        (message,) = [text for text in err.splitlines() if text.strip()]
-        assert message.startswith("readhesion: ")
-        return message
-
-    return refused
-
-
 def test_a_run_is_printed_recorded_and_drawn(call, files, tmp_path):
     code, out, _ = call(
         "run-line", *files(), "--out", tmp_path / "run.nc", "--figure", tmp_path / "run.png"
@@ -135,9 +121,11 @@ def test_a_run_is_printed_recorded_and_drawn(call, files, tmp_path):
     assert [word for word in words if word.startswith("--")] == ["--line", "--train"]
 
 
-def test_json_is_all_that_is_printed(call, files):
+def test_json_is_all_that_is_printed_and_load_makes_the_run_longer(call, files):
+    full = json.loads(call("run-line", *files(), "--json")[1])
     code, out, _ = call("run-line", *files(), "--json", "--load", 0)
     content = json.loads(out)
+    assert content["running_time_s"] < full["running_time_s"]
     assert code == 0
     assert content["mass_t"] == pytest.approx(132.0)
     assert content["highest_speed_kmh"] < 50.2
@@ -186,22 +174,6 @@ def test_a_line_of_ones_own_stops_where_its_file_says(call, tmp_path, files):
     ]
     assert [len(each) for each in stops] == [2, 2, 1]
     assert [each[0][1] for each in stops[:2]] == pytest.approx([20.0, 5.0])
-
-
-def test_load_makes_the_run_longer(call, files):
-    times = [
-        json.loads(call("run-line", *files(), "--json", "--load", share)[1])["running_time_s"]
-        for share in (0, 1)
-    ]
-    assert times[0] < times[1]
-
-
-def test_other_bad_input_is_one_clear_line(refused, call, files, tmp_path):
-    assert "--load 1.5: give a share of the load limit" in refused("--load", 1.5)
-    steep = changed(PATH, "paths", 0, "characteristic_sections", 1, 2, 300.0)
-    assert "the train cannot climb at " in refused(line=steep)
-    code, _, err = call("run-line", "--line", "none.yaml", *files()[2:])
-    assert (code, err) == (2, "readhesion: running path file 'none.yaml' does not exist\n")
 
 
 def test_times_read_as_minutes_and_seconds():

@@ -1,10 +1,11 @@
-"""Parts of one's own from files: listed, run in parallel, and run again when the file is edited."""
+"""Parts of one's own from files: listed, run in parallel, run again when the file is edited, refused where faulty."""
 
 import json
 import os
 import shutil
 import sys
 import tomllib
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from studies.core.plugins import VARIABLE, load_plugins, module_name, use_plugin
 from studies.files.study_error import StudyError
 from studies.scenario.file_kinds import reference_page, schema_of_kind
 from studies.scenario.loading import SCENARIOS, load_scenario
+from tests.studies.conftest import SHORT
 from tests.test_sources import forget
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "plugins"
@@ -50,21 +52,28 @@ acceleration_kmhs = 4.0
 """
 
 
+@contextmanager
+def registries_as_they_were():
+    """Registries, modules and environment are taken back."""
+    with pytest.MonkeyPatch.context() as patched:
+        for registry in REGISTRIES:
+            list(registry)
+            patched.setattr(registry, "_parts", dict(registry._parts))
+            patched.setattr(registry, "_origins", dict(registry._origins))
+        patched.delenv(VARIABLE, raising=False)
+        known = set(sys.modules)
+        yield
+        os.environ.pop(VARIABLE, None)
+        for name in set(sys.modules) - known:
+            if name.startswith(sources.PLUGIN_PREFIX):
+                del sys.modules[name]
+        forget()
+
+
 @pytest.fixture(autouse=True)
-def plain(monkeypatch):
-    """Registries, modules and environment as they were."""
-    for registry in REGISTRIES:
-        list(registry)
-        monkeypatch.setattr(registry, "_parts", dict(registry._parts))
-        monkeypatch.setattr(registry, "_origins", dict(registry._origins))
-    monkeypatch.delenv(VARIABLE, raising=False)
-    known = set(sys.modules)
-    yield
-    os.environ.pop(VARIABLE, None)
-    for name in set(sys.modules) - known:
-        if name.startswith(sources.PLUGIN_PREFIX):
-            del sys.modules[name]
-    forget()
+def plain():
+    with registries_as_they_were():
+        yield
 
 
 @pytest.fixture
@@ -77,23 +86,16 @@ def options(examples):
     return [word for path in examples.values() for word in ("--plugin", str(path))]
 
 
-def test_the_examples_have_at_most_30_lines(examples):
+def test_the_examples_have_at_most_30_lines_and_every_kind_is_listed(examples, capsys):
     assert len(examples) >= 5
     for path in examples.values():
         assert len(path.read_text().splitlines()) <= 30
-
-
-def test_every_kind_is_listed(examples, capsys):
     assert run(["list", "--json", *options(examples)]) == 0
     content = json.loads(capsys.readouterr().out)
     for kind, name in (
-        ("rules", "weighted"),
-        ("controllers", "slip-limit"),
-        ("adhesion curves", "double-exponential"),
-        ("trains", "tram"),
-        ("metrics", "slip_distance"),
-        ("figures", "use-against-slip"),
-    ):
+        ("rules", "weighted"), ("controllers", "slip-limit"), ("adhesion curves", "double-exponential"), ("trains", "tram"),
+        ("metrics", "slip_distance"), ("figures", "use-against-slip"),
+    ):  # fmt: skip
         assert content[kind][name].strip()
 
 
@@ -134,36 +136,33 @@ def test_all_of_them_run_together_in_two_processes(examples, tmp_path, capsys):
         assert row["metrics"]["slip_distance"]["mean"] > 0.0
 
 
-def test_an_edited_plugin_runs_its_rows_again_and_no_others(examples, monkeypatch):
+def test_an_edited_plugin_runs_its_rows_again_and_no_others(examples):
     use_plugins(examples.values())
     scenario = load_scenario("wet-start")
-    path = examples["weighted_rule.py"]
-    before = [key_of(Job(scenario, rule, "none", 0)).digest for rule in ("weighted", "alone")]
-    assert key_of(Job(scenario, "weighted", "none", 0)).digest == before[0]
-    path.write_text(path.read_text().replace("# ", "## ") + "\n# a comment says nothing new\n")
-    forget()
-    assert [
-        key_of(Job(scenario, rule, "none", 0)).digest for rule in ("weighted", "alone")
-    ] == before
-    path.write_text(path.read_text().replace("share = min(", "share = 0.5 * min("))
-    forget()
-    changed = [key_of(Job(scenario, rule, "none", 0)).digest for rule in ("weighted", "alone")]
-    assert changed[0] != before[0]
-    assert changed[1] == before[1]
-    metric = examples["slip_distance.py"]  # every row holds every metric
-    metric.write_text(metric.read_text().replace(".sum(axis=1)", ".max(axis=1)"))
-    forget()
-    assert key_of(Job(scenario, "alone", "none", 0)).digest != before[1]
+    tram = scenario.changed(train="tram", load_t=None)
+    jobs = {
+        "weighted": Job(scenario, "weighted", "none", 0),
+        "alone": Job(scenario, "alone", "none", 0),
+        "tram": Job(tram, "alone", "none", 0),
+    }
 
+    def edited(name, old, new):
+        path = examples[name]
+        assert old in path.read_text()
+        path.write_text(path.read_text().replace(old, new))
+        forget()
+        before, found = keys.copy(), {of: key_of(job).digest for of, job in jobs.items()}
+        keys.update(found)
+        return {of for of in jobs if found[of] != before.get(of)}
 
-def test_an_edited_train_file_runs_its_rows_again(examples):
-    use_plugins([examples["tram.toml"]])
-    scenario = load_scenario("wet-start").changed(train="tram", load_t=None)
-    before = key_of(Job(scenario, "alone", "none", 0)).digest
-    path = examples["tram.toml"]
-    path.write_text(path.read_text().replace("mass_t = 14.0", "mass_t = 15.0"))
-    forget()
-    assert key_of(Job(scenario, "alone", "none", 0)).digest != before
+    keys: dict[str, str] = {}
+    assert edited("weighted_rule.py", "share", "share") == set(jobs)
+    comment = "# a comment says nothing new\n"
+    assert edited("weighted_rule.py", "RULES.register(", f"{comment}RULES.register(") == set()
+    assert edited("weighted_rule.py", "share = min(", "share = 0.5 * min(") == {"weighted"}
+    assert edited("tram.toml", "mass_t = 14.0", "mass_t = 15.0") == {"tram"}
+    # every row holds every metric
+    assert edited("slip_distance.py", ".sum(axis=1)", ".max(axis=1)") == set(jobs)
 
 
 def test_a_scenario_of_a_plugin_is_found_by_name(tmp_path):
@@ -188,27 +187,146 @@ def test_worker_processes_load_what_the_environment_names(examples):
     assert RULES.origin("weighted") == name
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "reason"),
-    [
-        ("nothing.py", None, "is no file"),
-        ("part.txt", "", "is no file"),
-        ("broken.py", "import nowhere_at_all", "ModuleNotFoundError: No module named"),
-        ("syntax.py", "def f(:\n", "SyntaxError"),
-        ("taken.py", "from alloc.rules import RULES\nRULES.register('greedy', 1)", "'greedy' exists already"),
-        ("train.toml", "name = 'x'", "key 'formation' is missing"),
-        ("letter.toml", (EXAMPLES / "tram.toml").read_text().replace("MTM", "MXM"), "has a car 'X'"),
-    ],
-)  # fmt: skip
-def test_a_faulty_plugin_is_refused_in_one_line(tmp_path, capsys, name, text, reason):
-    path = tmp_path / name
-    if text is not None:
-        path.write_text(text)
-    assert run(["list", "--plugin", str(path)]) == 2
-    said = capsys.readouterr().err
-    assert reason in said
-    assert str(path) in said
-    assert len(said.strip().splitlines()) == 1
+FILES = [
+    ("nothing.py", None, "is no file"),
+    ("part.txt", "", "is no file"),
+    ("broken.py", "import nowhere_at_all", "ModuleNotFoundError: No module named"),
+    ("syntax.py", "def f(:\n", "SyntaxError"),
+    ("taken.py", "from alloc.rules import RULES\nRULES.register('greedy', 1)", "'greedy' exists already"),
+    ("train.toml", "name = 'x'", "key 'formation' is missing"),
+    ("letter.toml", (EXAMPLES / "tram.toml").read_text().replace("MTM", "MXM"), "has a car 'X'"),
+]  # fmt: skip
+"""Files that cannot be loaded: name, text, and what is said."""
+RULE = """
+import numpy as np
+from alloc.rules import RULES, Allocation, Rule
+from alloc.rules.problem import CASE_A, allocation
+def answer(problem{more}):
+    limit = np.clip(np.full(problem.n, problem.expected), *problem.box)
+    {answer}
+RULES.register("mine", {part})
+"""
+CONTROLLER = """
+from alloc.onboard.host import CONTROLLERS
+from alloc.onboard.host import HostedController, TorqueDecision, each_unit
+class Mine:
+    __slots__ = ()
+    def __init__(self, context):
+        pass
+    def {decide}(self, sense):
+        {answer}
+CONTROLLERS.register("mine", {part})
+"""
+FIGURE = """
+from paper_figs.drawing import figure
+@figure("mine", "one of mine")
+def mine():
+    {answer}
+"""
+METRIC = """
+from alloc.metrics.registry import metric
+@metric("mine", "m", "mine", -1)
+def mine(run):
+    {answer}
+"""
+RULE_PART = 'Rule("mine", "one of mine", answer)'
+CONTROLLER_PART = 'HostedController("mine", "one of mine", each_unit(Mine))'
+OF_ONE_UNIT = CONTROLLER_PART.replace("each_unit(Mine)", "lambda contexts: Mine(contexts[0])")
+GOOD_RULE = "return allocation(problem, limit, np.nan, CASE_A, 0.0)"
+GOOD_TORQUE = 'return TorqueDecision(sense.target, True, "ok", 0.0)'
+
+
+def rule(answer=GOOD_RULE, more="", part=RULE_PART):
+    return "rule", RULE.format(answer=answer, more=more, part=part)
+
+
+def controller(answer=GOOD_TORQUE, decide="decide", part=CONTROLLER_PART):
+    return "controller", CONTROLLER.format(answer=answer, decide=decide, part=part)
+
+
+FAULTS = {
+    "another argument": (rule(more=", other"), "missing 1 required positional argument"),
+    "limits of two units": (rule("return allocation(problem, limit[:2], 0.1, CASE_A, 0.0)"), "line 7"),
+    "no answer": (rule("pass"), "returns None"),
+    "an array": (rule("return limit"), "return allocation("),
+    "no number": (rule(GOOD_RULE.replace("limit,", "limit * np.nan,")), "one finite limit each"),
+    "case C": (rule("return Allocation(limit, 0.0, 'C', 0.0)"), "case = 'C' must be one of none, A, B in line 7"),
+    "negative limits": (rule(GOOD_RULE.replace("limit,", "limit - 1.0,")), "none may be negative"),
+    "raises": (rule("raise ValueError('no idea')"), "ValueError: no idea in line 7"),
+    "ends the program": (rule("raise SystemExit(3)"), "SystemExit: 3"),
+    "a function": (rule(part="answer"), "register Rule("),
+    "a word for a colour": (rule(part=RULE_PART[:-1] + ", colour='red')"), "such as '#117733'"),
+    "a torque": (controller("return sense.target"), "return TorqueDecision("),
+    "no decision": (controller("pass"), "returns None"),
+    "never a number": (controller(GOOD_TORQUE.replace("sense.target", "float('nan')")), "finite torque"),
+    "torque of each axle": (controller(GOOD_TORQUE.replace("target", "omega")), "one number in N m"),
+    "torque in words": (controller(GOOD_TORQUE.replace("sense.target", "'much'")), "one number in N m"),
+    "breaks": (controller("return 1 / 0"), "ZeroDivisionError: division by zero in line 9"),
+    "another name": (controller(decide="decides"), "no attribute 'decide'"),
+    "a class": (controller(part="Mine"), "register HostedController("),
+    "of one unit": (controller(GOOD_TORQUE.replace("sense.target", "0.0"), part=OF_ONE_UNIT), "one answer each"),
+    "a metric in words": (("metric", METRIC.format(answer="return 'a'")), "could not convert"),
+    "a metric that raises": (("metric", METRIC.format(answer="return run['x'].mean()")), "in line 5"),
+}  # fmt: skip
+
+
+def figure(answer):
+    return "figure", FIGURE.format(answer=answer)
+
+
+UNDRAWN = {
+    "breaks": (figure("1 / 0"), "ZeroDivisionError: division by zero in line 5"),
+    "nothing": (figure("pass"), "returns a NoneType"),
+}
+
+
+def asked(kind, file, out):
+    """The command that asks for the own part of a file."""
+    if kind == "figure":
+        return ["--plugin", str(file), "figures", "mine", "--out", str(out)]
+    parts = {"rule": ["--rule", "mine"], "controller": ["--controller", "mine"]}.get(kind, [])
+    event = file.with_name("short.toml")
+    event.write_text(SHORT)
+    return ["--plugin", str(file), "simulate", str(event), "--json", *parts]
+
+
+def test_what_is_faulty_is_refused_in_one_line_that_names_part_and_file(tmp_path, capsys):
+    wrong = {}
+
+    def check(name, command, *words):
+        with registries_as_they_were():
+            code = run(command)
+        out, err = capsys.readouterr()
+        missing = [one for one in words if one not in err]
+        if code != 2 or out or len(err.strip().splitlines()) != 1 or missing:
+            wrong[name] = (code, missing, out, err)
+
+    for name, text, reason in FILES:
+        path = tmp_path / name
+        if text is not None:
+            path.write_text(text)
+        check(name, ["list", "--plugin", str(path)], str(path), reason)
+    for k, (name, ((kind, source), words)) in enumerate((FAULTS | UNDRAWN).items()):
+        file, out = tmp_path / f"own{k}.py", tmp_path / f"out{k}"
+        file.write_text(source)
+        named = () if kind == "figure" else (f"of {str(file)!r}",)
+        check(name, asked(kind, file, out), f"{kind} 'mine'", words, *named)
+        assert not out.exists()
+    files = [tmp_path / "first.py", tmp_path / "second.py"]
+    for file in files:
+        file.write_text(rule()[1])
+    both = [word for file in files for word in ("--plugin", str(file))]
+    check("one name twice", [*both, "list"], *(repr(str(file)) for file in files))
+    assert not wrong
+
+
+def test_one_that_is_right_runs_and_what_it_prints_is_no_result(tmp_path, capsys):
+    file = tmp_path / "own.py"
+    file.write_text("print('loaded')\n" + controller(f"print('asked'); {GOOD_TORQUE}")[1])
+    assert run(asked("controller", file, None)) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["controller"] == "mine"
+    assert {"loaded", "asked"} <= set(err.split())
 
 
 def test_a_faulty_plugin_leaves_no_half_module(tmp_path):

@@ -7,7 +7,6 @@ import pytest
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.simulation import simulate
 from studies.core.claims import quantity
-from studies.core.collection import find_study
 from studies.core.statement import FAILS, HOLDS
 from studies.ladder.ladder_study import METRICS
 from studies.ladder.ladder_study import cells as ladder_cells
@@ -17,7 +16,6 @@ from studies.ladder.locomotive_study import (
     FAILURE_TIME,
     HOSTED,
     KINDS,
-    LOCOMOTIVE_STUDY,
     PARTS,
     RAILS,
     STATES,
@@ -58,11 +56,6 @@ def table_of(used, events=60, controllers=ARMS):
 
 def verdicts(statements):
     return {one.name: one.verdict for one in statements}
-
-
-def test_both_studies_are_found_by_their_names():
-    assert find_study("published") is PUBLISHED_STUDY
-    assert find_study("locomotive") is LOCOMOTIVE_STUDY
 
 
 def test_published_controllers_meet_the_ladders_own_events(tmp_path):

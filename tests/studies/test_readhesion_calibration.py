@@ -1,4 +1,6 @@
-"""Calibration tries sets in its ranges, comes near the best, and says how narrow the good ones are."""
+"""Calibration tries sets in its ranges, comes near the best, says how narrow the good ones are; an ensemble gives ranges."""
+
+import math
 
 import numpy as np
 import pandas as pd
@@ -6,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies.core.statement import CONDITIONS, FAILS, HOLDS
+from studies.core.ensemble_range import median_of, over_members, range_of
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, Statement, single
 from studies.readhesion_paper import calibration
 from studies.readhesion_paper.calibration import (
     LEAST_MET,
@@ -29,6 +32,7 @@ from tests.studies.readhesion_tables import calibration_table
 
 WANTED = np.array([0.7, 0.4, 0.5, 0.6])
 """Where in the unit cube the stub's objective is least."""
+RADIUS = 0.3
 
 
 def row_of_set(unprinted):
@@ -56,6 +60,15 @@ def stub(monkeypatch):
     monkeypatch.setattr(calibration, "row_of", row_of)
 
 
+def in_a_ball(unprinted):
+    """Everything within `RADIUS` of the aim meets as many findings, in both units."""
+    away = np.linalg.norm(to_unit_cube(row_of_set(unprinted)) - WANTED)
+    missing = 2 if away <= RADIUS else 9
+    met = {f"met: {name}": k >= missing for k, name in enumerate(CLAIMS)}
+    values = {name: getattr(unprinted, name) for name in (*RANGES, "unit")}
+    return {**values, "objective": 10.0 * away, "met": sum(met.values()), **met}
+
+
 @given(st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4), st.sampled_from(list(UNITS)))
 def test_the_unit_cube_is_the_ranges(point, unit):
     unprinted = from_unit_cube(np.array(point), unit)
@@ -64,9 +77,9 @@ def test_the_unit_cube_is_the_ranges(point, unit):
     np.testing.assert_allclose(to_unit_cube(row_of_set(unprinted)), point, atol=1e-9)
 
 
-def test_samples_cover_every_range_in_both_units():
+def test_samples_cover_every_range_in_both_units_and_known_sets_lie_in_them():
     drawn = draw(40, 0)
-    assert all(inside(one) for one in drawn)
+    assert all(inside(one) for one in (*drawn, ASSUMED, CALIBRATED, RIVAL))
     assert {one.unit for one in drawn} == set(UNITS)
     cube = np.array([to_unit_cube(row_of_set(one)) for one in drawn])
     for column in cube.T:  # a Latin hypercube: one sample in every fortieth of a range
@@ -75,14 +88,13 @@ def test_samples_cover_every_range_in_both_units():
     assert draw(40, 1) != drawn
 
 
-def test_known_sets_lie_in_the_ranges():
-    assert inside(ASSUMED)
-    assert inside(CALIBRATED)
-    assert inside(RIVAL)
-
-
-def test_samples_near_the_best_are_near_and_inside():
+def test_each_unit_keeps_its_best_and_samples_near_them_are_near_and_inside():
     table = calibration_table()
+    chosen = best_of_units(table, 3)
+    for unit in UNITS:
+        own = table[table["unit"] == unit]["objective"]
+        kept = chosen[chosen["unit"] == unit]["objective"]
+        assert sorted(kept) == sorted(own)[:3]
     drawn = draw_near(table, 30, 0, 1)
     assert all(inside(one) for one in drawn)
     parents = best_of_units(table, calibration.PARENTS // 2)
@@ -106,22 +118,6 @@ def test_every_stage_comes_nearer_to_the_best(stub, tmp_path):
     pd.testing.assert_frame_equal(again.drop(columns="wall_time"), table.drop(columns="wall_time"))
 
 
-def test_progress_is_told(stub, tmp_path):
-    told = []
-    CALIBRATION.run(tmp_path, 10, on_row=lambda *row: told.append(row), refinements=5)
-    assert [row[:2] for row in told[1:3]] == [("assumed/0", 1), ("assumed/1", 2)]
-    assert told[-1] == ("sampled/km/h/s/0", 16, 16)
-
-
-def test_each_unit_keeps_its_best():
-    table = calibration_table()
-    chosen = best_of_units(table, 3)
-    for unit in UNITS:
-        own = table[table["unit"] == unit]["objective"]
-        kept = chosen[chosen["unit"] == unit]["objective"]
-        assert sorted(kept) == sorted(own)[:3]
-
-
 def test_the_best_is_among_those_that_fulfil():
     table = calibration_table()
     good = fulfilling(table)
@@ -143,26 +139,12 @@ def test_what_the_cases_already_refute_is_not_asked_further(monkeypatch):
     assert not row["met: wide never"]
 
 
-def test_the_study_keeps_every_set(stub, tmp_path, monkeypatch):
-    asked = []
-    row_of = calibration.row_of
-    monkeypatch.setattr(calibration, "row_of", lambda one: asked.append(one) or row_of(one))
-    table = CALIBRATION.run(tmp_path, CALIBRATION.step, refinements=5)
-    count = len(asked)
-    again = CALIBRATION.run(tmp_path, CALIBRATION.step, refinements=5)
-    pd.testing.assert_frame_equal(again, table)
-    assert len(asked) == count
-    assert CALIBRATION.held(tmp_path, refinements=5) == CALIBRATION.step
-    # without the later stages, of another seed, or of other code it is another table
-    assert CALIBRATION.held(tmp_path) == CALIBRATION.held(tmp_path, 1, refinements=5) == 0
-    monkeypatch.setattr("studies.core.cell.code_hash", lambda *_: "other code")
-    assert CALIBRATION.held(tmp_path, refinements=5) == 0
+def test_statements_say_how_narrow_the_good_sets_are_and_how_many():
+    def said(table):
+        return {statement.name: statement for statement in CALIBRATION.statements(table)}
 
-
-def test_statements_say_how_narrow_the_good_sets_are():
     table = calibration_table()
-    found = {statement.name: statement for statement in CALIBRATION.statements(table)}
-    good = fulfilling(table)
+    found, good = said(table), fulfilling(table)
     assert found["a set exists"].verdict == CONDITIONS
     assert len(found["a set exists"].conditions) == len(NOT_ASKED_OF_ALL)
     ranges = next(iter(found["narrow: rise"].numbers.values()))
@@ -172,18 +154,19 @@ def test_statements_say_how_narrow_the_good_sets_are():
     assert found["half-slip"].verdict == FAILS
     rivals = table["unit"] == "m/s2"
     table.loc[table[rivals].index[:2], "objective"] = 2.5
-    undecided = {statement.name: statement for statement in CALIBRATION.statements(table)}["unit"]
+    undecided = said(table)["unit"]
     assert undecided.verdict == FAILS
     assert len(undecided.conditions) == len(CLAIMS)
     close = table[~table.index.isin(good.index) | (table["rise"] > 1.2)]
-    again = {statement.name: statement for statement in CALIBRATION.statements(close)}
-    assert again["narrow: rise"].verdict == HOLDS
-
-
-def test_without_any_good_set_nothing_is_narrow():
-    table = calibration_table().assign(**{"met: A readheres": False})
-    found = {statement.name: statement.verdict for statement in CALIBRATION.statements(table)}
-    assert found["a set exists"] == found["narrow: rise"] == found["unit"] == FAILS
+    assert said(close)["narrow: rise"].verdict == HOLDS
+    none = said(calibration_table().assign(**{"met: A readheres": False}))
+    assert {none[name].verdict for name in ("a set exists", "narrow: rise", "unit")} == {FAILS}
+    ensemble = said(calibration_table(400))["ensemble"]
+    assert (ensemble.verdict, ensemble.conditions) == (FAILS, ("not so many in m/s2: 0",))
+    # too few sets let no walker go
+    cells = calibration.walking_cells(0, 0, 40, calibration_table())
+    assert [cell.label for cell in cells] == ["sampled/km/h/s/0"]
+    assert len(cells[0].arguments[0]) <= calibration.MOST_WALKERS
 
 
 def test_walkers_cover_what_meets_as_many_findings(tmp_path, monkeypatch):
@@ -204,34 +187,6 @@ def test_walkers_cover_what_meets_as_many_findings(tmp_path, monkeypatch):
     pd.testing.assert_frame_equal(again.drop(columns="wall_time"), table.drop(columns="wall_time"))
 
 
-RADIUS = 0.3
-
-
-def in_a_ball(unprinted):
-    """Everything within `RADIUS` of the aim meets as many findings, in both units."""
-    away = np.linalg.norm(to_unit_cube(row_of_set(unprinted)) - WANTED)
-    missing = 2 if away <= RADIUS else 9
-    met = {f"met: {name}": k >= missing for k, name in enumerate(CLAIMS)}
-    values = {name: getattr(unprinted, name) for name in (*RANGES, "unit")}
-    return {**values, "objective": 10.0 * away, "met": sum(met.values()), **met}
-
-
-def test_too_few_sets_let_no_walker_go():
-    table = calibration_table()
-    cells = calibration.walking_cells(0, 0, 40, table)
-    assert [cell.label for cell in cells] == ["sampled/km/h/s/0"]
-    assert len(cells[0].arguments[0]) <= calibration.MOST_WALKERS
-
-
-def test_the_ensemble_has_sets_enough_in_both_units():
-    found = {
-        statement.name: statement for statement in CALIBRATION.statements(calibration_table(400))
-    }
-    ensemble = found["ensemble"]
-    assert ensemble.verdict == FAILS
-    assert ensemble.conditions == ("not so many in m/s2: 0",)
-
-
 def test_members_are_those_of_the_calibration_and_the_drawn_ones_come_first():
     assert MEMBERS["km/h/s"][0] == CALIBRATED
     assert MEMBERS["m/s2"][0] == RIVAL
@@ -240,3 +195,38 @@ def test_members_are_those_of_the_calibration_and_the_drawn_ones_come_first():
         assert all(inside(one) and one.unit == unit for one in sets)
         row = calibration.row_of(sets[-1])
         assert row["met"] >= LEAST_MET
+
+
+def said(verdict, value):
+    return Statement("name", "claim", verdict, {"number": single(value)})
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=50))
+def test_a_range_lies_within_the_members_and_what_is_not_known_does_not_count(values):
+    found = range_of(values[0], values)
+    assert min(values) <= found.low <= found.high <= max(values)
+    inside = np.mean([found.low - 1e-6 <= one <= found.high + 1e-6 for one in values])
+    assert inside >= 0.9 - 2.0 / len(values)
+    assert found.low <= median_of(values).value <= found.high
+    assert range_of(1.0, [math.nan, 2.0, 4.0]).count == 2
+    assert range_of(1.0, []).count == median_of([math.nan]).count == 0
+
+
+def test_a_verdict_needs_most_of_the_members():
+    for own, others, verdict in (
+        (HOLDS, [HOLDS] * 20, HOLDS),
+        (HOLDS, [HOLDS] * 19 + [FAILS], HOLDS),
+        (HOLDS, [HOLDS] * 18 + [FAILS] * 2, CONDITIONS),
+        (CONDITIONS, [HOLDS] * 20, CONDITIONS),
+        (FAILS, [HOLDS] * 20, FAILS),
+    ):
+        found = over_members(said(own, 1.0), [said(one, float(k)) for k, one in enumerate(others)])
+        assert found.verdict == verdict
+        share = found.numbers["share of the members with the same verdict"]
+        assert share.value == np.mean([one == own for one in others])
+        assert bool(found.conditions) == (share.value < 0.95)
+        number = found.numbers["number"]
+        assert (number.value, number.count) == (1.0, 20)
+        assert 0.0 < number.low < number.high < 19.0
+    own = said(HOLDS, 1.0)
+    assert over_members(own, []) is own

@@ -1,4 +1,4 @@
-"""The readhesion paper's scenario in lanes, its findings, and the search for its limits."""
+"""The readhesion paper's scenario in lanes, its findings, the search for its limits, and the model reduced from it."""
 
 from dataclasses import replace
 
@@ -8,7 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from alloc.event import DriverCommand
 from alloc.metrics.search import readhesion_possible
+from alloc.onboard.controllers.simple import TorqueTable
+from alloc.plant.adhesion import PiecewiseCurve
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from alloc.plant.sets import find_set
 from studies.readhesion_paper import sensitivity as readhesion_grid
 from studies.readhesion_paper.findings import (
     CLAIMS,
@@ -18,6 +24,14 @@ from studies.readhesion_paper.findings import (
     case_findings,
     grid_findings,
     objective,
+)
+from studies.readhesion_paper.lanes import simulate_tables
+from studies.readhesion_paper.limit_cycle import (
+    SLIP,
+    critical_gain,
+    critical_width,
+    growth,
+    reduced_model,
 )
 from studies.readhesion_paper.paper import (
     CALIBRATED,
@@ -30,11 +44,13 @@ from studies.readhesion_paper.paper import (
     Unprinted,
     assess,
     longest_slip,
+    rail,
     run_cases,
     signals_of,
     slip_spans,
 )
 from studies.readhesion_paper.sensitivity import FINE_STEP, Cases, grid_tables, search_limits
+from tests.plant.numpy_plant import compiled_rate
 from tests.studies.readhesion_tables import index_rows, limit_of
 
 COARSE = 5e-4
@@ -46,7 +62,7 @@ def low():
     return run_cases(CALIBRATED, [CASE_A, CASE_B], step=COARSE)
 
 
-def test_the_rail_is_the_same_until_it_recovers(low):
+def test_a_case_depends_neither_on_its_company_nor_on_what_the_rail_does_later(low):
     recovering = run_cases(CALIBRATED, [CASE_A, CASE_B], recovers=True, step=COARSE)
     before = recovering.time < RECOVERY - 0.02
     rows = np.flatnonzero(before)
@@ -54,9 +70,6 @@ def test_the_rail_is_the_same_until_it_recovers(low):
         np.testing.assert_array_equal(getattr(recovering, name)[rows], getattr(low, name)[rows])
     assert (recovering.peak[-1] == 0.18).all()
     np.testing.assert_allclose(low.peak[-1], 0.12)
-
-
-def test_a_case_does_not_depend_on_its_company(low):
     alone = run_cases(CALIBRATED, [CASE_B], step=COARSE)
     np.testing.assert_array_equal(alone.slip[:, 0], low.slip[:, 1])
 
@@ -86,45 +99,35 @@ def test_slips_end_with_the_window(low):
     assert longest_slip(replace(low, slip=0.0 * low.slip), 1) == 0.0
 
 
-def test_the_calibrated_set_shows_the_cases_of_the_paper(low):
+def test_the_calibrated_set_shows_the_cases_of_the_paper_and_in_the_wrong_place_they_are_not_those(
+    low,
+):
     assert readhesion_possible(signals_of(low)).tolist() == [True, False]
     found = case_findings(low)
     assert [name for name, finding in found.items() if not finding.met] == []
-
-
-def test_cases_in_the_wrong_place_are_not_those_of_the_paper(low):
     found = case_findings(low, lane_a=1, lane_b=0)
     for name in ("A readheres", "A period", "B diverges", "B factor rests"):
         assert not found[name].met
         assert found[name].misfit > 0.0
 
 
-def test_what_the_paper_found_is_found_in_its_grid():
+def test_what_the_paper_found_is_found_in_its_grid_and_another_grid_loses_a_finding():
     found = grid_findings(index_rows())
     assert {name for name, finding in found.items() if not finding.met} == set()
     assert all(finding.misfit == 0.0 for finding in found.values())
-
-
-@pytest.mark.parametrize(
-    ("changed", "lost"),
-    [
+    for changed, lost in (
         (lambda m, w: 0.1, {"wide never", "width raises limit", "margin lowers limit", "width is steeper"}),
         (lambda m, w: limit_of(m, w) if w < 0.45 else np.inf, {"narrow somewhere"}),
         (lambda m, w: limit_of(0.9 - m, w), {"margin lowers limit"}),
         (lambda m, w: limit_of(8.0 * m - 3.0, 0.15 + 0.25 * w) if w < 0.59 else np.inf, {"width is steeper"}),
-    ],
-)  # fmt: skip
-def test_another_grid_loses_a_finding(changed, lost):
-    found = grid_findings(index_rows(changed))
-    assert lost <= {name for name, finding in found.items() if not finding.met}
-
-
-def test_a_half_slip_is_told_by_its_time_and_its_cost():
+    ):  # fmt: skip
+        found = grid_findings(index_rows(changed))
+        assert lost <= {name for name, finding in found.items() if not finding.met}
+    # a half-slip is told by its time and its cost
     table = index_rows()
-    short = grid_findings(table.assign(longest_slip=0.4))["half-slip lasts"]
-    cheap = grid_findings(table.assign(used_coefficient=table["limit"]))["half-slip costs"]
-    assert not short.met
-    assert not cheap.met
+    assert not grid_findings(table.assign(longest_slip=0.4))["half-slip lasts"].met
+    cheap = table.assign(used_coefficient=table["limit"])
+    assert not grid_findings(cheap)["half-slip costs"].met
 
 
 @given(st.lists(st.tuples(st.booleans(), st.floats(0.0, WORST)), max_size=len(CLAIMS)))
@@ -180,3 +183,90 @@ def test_a_case_is_run_once(asked):
     assert asked == [CASE_A, CASE_B]
     assert first["possible"].tolist() == [True, False, True]
     assert again["possible"].tolist() == [False, True]
+
+
+ACCELERATION = 3.0 / 3.6
+NARROW, WIDE = TorqueTable(width=0.2 / 3.6), TorqueTable(width=0.8 / 3.6)
+LAG = 5e-3
+
+
+@pytest.fixture(scope="module")
+def train():
+    return find_set("one-axle")
+
+
+def model(train, table, peak=0.12, curve=None):
+    return reduced_model(train, table, curve or PiecewiseCurve(), peak, ACCELERATION)
+
+
+@pytest.fixture(scope="module")
+def runs(train):
+    """The paper's cases A and B, simulated."""
+    return simulate_tables(
+        train, [rail(0.12)] * 2, [NARROW, WIDE], DriverCommand((0.0,), (ACCELERATION,)), 0.0, 14.0
+    )
+
+
+def test_slip_accelerates_as_in_the_plant(train):
+    """On a rail good enough for the parabola to begin late, the micro-slip line is the plant's own curve."""
+    peak, torque, speed = 0.4, 700.0, 5.0
+    plant = build(train, Rail(peak))
+    s, n = plant.structure, plant.layout
+    reduced = model(train, NARROW, peak)
+    for slip in (0.003, 0.02):
+        state = plant.initial_state(speed)
+        state[n.omega], state[n.torque] = (speed + slip) / s.radius[0], torque
+        slope, _ = compiled_rate(plant, state, plant.zero_inputs())
+        rate = s.radius[0] * slope[n.omega][0] - slope[n.speed][0]
+        point = np.array([slip, torque, 0.0, 0.0, 1.0])
+        assert reduced.rates(reduced.mode(point))[SLIP] @ point == pytest.approx(rate, rel=1e-9)
+
+
+def test_critical_gain_of_one_filter_time_is_that_of_hurwitz_and_of_two_lies_between():
+    """(1 + a s)(1 + b s)(1 + c s) + L has its roots on the imaginary axis at 1 + L = (a + b + c)(1/a + 1/b + 1/c)."""
+    for lag, tau, filter_time in ((5e-3, 0.18, 0.25), (0.02, 0.1, 1.0)):
+        table = TorqueTable(rise=filter_time, fall=filter_time, time_constant=tau)
+        times = np.array([lag, tau, filter_time])
+        expected = times.sum() * (1.0 / times).sum() - 1.0
+        assert critical_gain(table, lag) == pytest.approx(expected, rel=2e-3)
+    fast, both, slow = (
+        critical_gain(TorqueTable(rise=rise, fall=fall, time_constant=0.18), LAG)
+        for rise, fall in ((0.25, 0.25), (1.8, 0.25), (1.8, 1.8))
+    )
+    assert fast < both < slow
+    sizes = [growth(NARROW, LAG, gain) for gain in (50.0, 100.0, 200.0, 400.0, 800.0)]
+    assert sizes == sorted(sizes)
+    assert sizes[0] < 1.0 < sizes[-1]
+
+
+def test_the_critical_width_has_the_critical_gain(train):
+    width = critical_width(model(train, NARROW))
+    at_width = model(train, TorqueTable(width=width))
+    assert at_width.gain == pytest.approx(critical_gain(NARROW, at_width.lag), rel=1e-6)
+
+
+def test_wheels_run_away_at_the_predicted_factor(train, runs):
+    """Case B: the factor settles, and far out on the curve's tail it is the one of the equilibrium."""
+    predicted = model(train, WIDE).runaway()
+    late = (runs.time > 12.0) & (runs.time < 13.9)
+    assert runs.slip[late, 1].min() > 1.0
+    assert predicted.slip_rate > 0.0
+    assert runs.factor[late, 1] == pytest.approx(predicted.factor, abs=5e-3)
+    growth_rate = np.gradient(runs.slip[late, 1], runs.time[late])
+    assert growth_rate == pytest.approx(predicted.slip_rate, rel=0.05)
+
+
+def test_the_limit_cycle_is_about_as_simulated(train, runs):
+    """Case A. The reduced curve has a corner for its peak, which costs several per cent of the period."""
+    predicted = model(train, NARROW).limit_cycle()
+    late = (runs.time > 10.0) & (runs.time < 13.9)
+    torque, slip = runs.torque[late, 0], runs.slip[late, 0]
+    starts = np.flatnonzero((np.diff(torque[:-1]) < 0.0) & (np.diff(torque[1:]) >= 0.0))
+    period = np.diff(runs.time[late][starts]).mean()
+    assert predicted.period == pytest.approx(period, rel=0.12)
+    assert np.ptp(predicted.torque) == pytest.approx(np.ptp(torque), rel=0.25)
+    assert predicted.slip[1] == pytest.approx(slip.max(), rel=0.25)
+
+
+def test_a_rail_that_carries_the_plan_needs_no_limit_cycle(train):
+    assert model(train, NARROW, peak=0.2).limit_cycle() is None

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from studies.report import page
-from studies.report.packing import Packed, unpack
 from studies.scenario.loading import load_scenario
 from tests.studies import report_pages
 from tests.studies.conftest import SHORT
@@ -99,9 +98,7 @@ def tab(opened):
 
 def test_the_browser_unpacks_the_same_numbers_as_python(tab, made):
     replay = made[0].material.replays[-1]
-    columns = {name: count for name, count, _ in replay.run["series"]}
-    steps = {name: step for name, _, step in replay.run["series"]}
-    wanted = unpack(Packed(replay.run["text"], columns, steps, replay.run["instants"]))
+    wanted, _ = report_pages.unpacked(replay)
     found = tab.evaluate(
         """async (label) => {
           const content = JSON.parse(document.getElementById("content").textContent).replays[label];
@@ -146,10 +143,8 @@ def test_a_choice_shows_another_run_and_bars_have_its_forces(tab, made):
     drawn = tab.evaluate(
         "document.getElementById('units-plot').data.find((one) => one.name === 'delivers').y"
     )
-    run = next(one for one in made[0].material.replays if one.label == "milder/exact/none/0").run
-    columns = {name: count for name, count, _ in run["series"]}
-    steps = {name: step for name, _, step in run["series"]}
-    force = unpack(Packed(run["text"], columns, steps, run["instants"]))["rail_force"][20]
+    replay = next(one for one in made[0].material.replays if one.label == "milder/exact/none/0")
+    force = report_pages.unpacked(replay)[0]["rail_force"][20]
     structure = made[0].grid.scenarios[1].event(0).model.structure
     wanted = [force[structure.axle_unit == unit].sum() / 1e3 for unit in range(len(drawn))]
     np.testing.assert_allclose(drawn, wanted, rtol=1e-5)

@@ -1,8 +1,9 @@
-"""The page of `readhesion report`: its numbers are the stored ones, its replays the runs, and it loads nothing."""
+"""`readhesion report`: its numbers are the stored ones, its replays the runs, it loads nothing, and nothing is run twice."""
 
 import json
 import math
 import re
+import sys
 from html.parser import HTMLParser
 
 import numpy as np
@@ -23,12 +24,13 @@ from studies.patent.headroom_study import HEADROOM
 from studies.report import page
 from studies.report.answer import EQUAL, GAIN, sentences, sign_of, standings
 from studies.report.gains import drawn_gains
-from studies.report.packing import Packed, pack, unpack
+from studies.report.packing import pack, unpack
 from studies.report.replay import KEPT, kept
 from studies.report.result_table import table_rows
 from studies.scenario.loading import load_scenario
 from tests.studies import report_pages
 from tests.studies.conftest import SHORT
+from tests.studies.test_plugins import plain  # noqa: F401
 
 report_pages.need_packages()
 
@@ -89,30 +91,26 @@ def test_a_replay_is_the_run_at_every_fifth_instant(made):
     cell = made.grid.jobs()[0]
     run = simulate_job(cell)
     found = next(one for one in made.material.replays if one.label == cell.label)
-    columns = {name: count for name, count, _ in found.run["series"]}
-    steps = {name: step for name, _, step in found.run["series"]}
-    back = unpack(Packed(found.run["text"], columns, steps, found.run["instants"]))
+    back, steps = report_pages.unpacked(found)
     assert back.keys() == KEPT.keys()
     assert found.run["period"] == pytest.approx(5 * 0.01)
     for name, values in back.items():
         np.testing.assert_allclose(values, run[name].values[::5], rtol=0, atol=0.501 * steps[name])
-
-
-def test_a_long_run_is_thinned_out(made):
-    run = simulate_job(made.grid.jobs()[0])
+    # a long run is thinned out
     long = run.isel(time=np.zeros(50_000, int)).assign_coords(time=0.01 * np.arange(50_000))
     assert kept(long)["instants"] <= 2000
 
 
 def test_every_cell_of_the_table_is_the_mean_of_the_stored_rows(made, html):
-    rows, table = Reader(html).rows, made.rows
+    table, compared = made.rows, 0
+    rows = Reader(html).rows
     assert len(rows) == 2 * len(report_pages.RULES) * len(report_pages.CONTROLLERS)
-    compared = 0
     for about, cells in rows:
+        rule = about["data-rule"]
         same = (table["scenario"] == about["data-scenario"]) & (
             table["controller"] == about["data-controller"]
         )
-        own = table[same & (table["rule"] == about["data-rule"])].set_index("seed")
+        own = table[same & (table["rule"] == rule)].set_index("seed")
         base = table[same & (table["rule"] == REFERENCE)].set_index("seed")
         for (kind, metric), number in cells.items():
             if metric == "seeds":
@@ -120,16 +118,10 @@ def test_every_cell_of_the_table_is_the_mean_of_the_stored_rows(made, html):
                 continue
             wanted = own[metric].mean()
             if kind == "difference":
-                wanted = (
-                    (own[metric] - base[metric]).mean()
-                    if about["data-rule"] != REFERENCE
-                    else math.nan
-                )
-            assert number == pytest.approx(wanted, rel=1e-12, abs=1e-12, nan_ok=True), (
-                about,
-                kind,
-                metric,
-            )
+                paired = (own[metric] - base[metric]).mean()
+                wanted = math.nan if rule == REFERENCE else paired
+            near = pytest.approx(wanted, rel=1e-12, abs=1e-12, nan_ok=True)
+            assert number == near, (about, kind, metric)
             compared += math.isfinite(number)
     assert compared > 150
 
@@ -157,15 +149,12 @@ def test_what_a_scenario_says_ends_no_script_and_is_no_markup(html):
     )
 
 
-def test_versions_hashes_and_seeds_are_on_the_page(made, html):
+def test_versions_hashes_seeds_and_sources_are_on_the_page(made, html):
     scenarios = {one.name: one.hash() for one in made.grid.scenarios}
     assert all(name in html and digest in html for name, digest in scenarios.items())
     assert all(code in html for code in made.rows["code_hash"])
     assert "0, 1, 2" in html
     assert "numba" in html
-
-
-def test_sources_are_those_that_the_parts_name(html):
     sources = html[html.index('id="sources"') :]
     assert "JP 5484215" in sources  # the rule `exact` and the plant
     assert "@patent{JP4209318," in sources  # metrics
@@ -189,12 +178,10 @@ def evenly(value, half_width, count=3):
 def line(rule, gain, half_width=math.nan, scenario="one", controller="none"):
     """A line whose only metrics are the effort's and, by none, the headroom."""
     metrics = {GAIN: evenly(0.8, math.nan, 1), "headroom": evenly(0.02, math.nan, 1)}
-    differences = {} if rule == REFERENCE else {GAIN: evenly(gain, half_width, 1)}
-    differences |= (
-        dict.fromkeys(("slip_time", "damage", "jerk_rms"), evenly(1.0, 0.1, 1))
-        if differences
-        else {}
-    )
+    differences = dict.fromkeys(("slip_time", "damage", "jerk_rms"), evenly(1.0, 0.1, 1))
+    differences |= {GAIN: evenly(gain, half_width, 1)}
+    if rule == REFERENCE:
+        differences = {}
     return SummaryLine(scenario, rule, controller, 1, 0, 0, (), metrics, differences)
 
 
@@ -241,13 +228,11 @@ def test_gains_are_those_of_the_study_headroom(made):
     assert one.headroom == pytest.approx(headroom(runs["oracle"]))
 
 
-def test_a_folder_without_the_study_gives_no_gains_and_stays_as_it_is(tmp_path):
-    assert drawn_gains(tmp_path, ("alone", "exact"), ("cut-and-ramp",)) == []
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.slow
 def test_random_events_that_the_study_holds_stand_behind(tmp_path):
+    # a folder without the study gives no gains and stays as it is
+    assert drawn_gains(tmp_path, ("alone", "exact"), ("cut-and-ramp",)) == []
+    assert not list(tmp_path.iterdir())
     table = HEADROOM.run(study_folder(tmp_path, "headroom"), 1)
     found = drawn_gains(tmp_path, ("alone", "exact"), ("cut-and-ramp", "mpc"))
     (one,) = found  # of one event, one rule beside alone, and the controller that the study has
@@ -257,33 +242,107 @@ def test_random_events_that_the_study_holds_stand_behind(tmp_path):
     assert one.headroom == pytest.approx(own.loc["oracle", "headroom"])
 
 
-def test_a_difference_is_tinted_by_the_side_that_is_better():
+def row_of(columns, mean):
+    """A row of the table whose metrics, and differences, are all this mean."""
+    metrics = {one.metric: mean for one in columns}
+    (row,) = table_rows(
+        [SummaryLine("one", "exact", "none", 3, 0, 0, (), metrics, metrics)], columns
+    )
+    return row
+
+
+def test_a_difference_is_tinted_by_the_side_that_is_better_and_its_text_has_the_headings_unit():
     columns = [one for one in COLUMNS if one.metric in ("effort_ratio", "slip_time", "headroom")]
 
     def tints(value, half_width):
-        mean = evenly(value, half_width)
-        metrics = {one.metric: mean for one in columns}
-        (row,) = table_rows(
-            [SummaryLine("one", "exact", "none", 3, 0, 0, (), metrics, metrics)], columns
-        )
+        row = row_of(columns, evenly(value, half_width))
         return {one.metric: cell.tint for one, cell in zip(columns, row.differences, strict=True)}
 
     assert tints(0.2, 0.1) == {"effort_ratio": "better", "headroom": "other", "slip_time": "worse"}
     assert tints(-0.2, 0.1) == {"effort_ratio": "worse", "headroom": "other", "slip_time": "better"}
     for half_width in (0.3, math.nan):
         assert set(tints(0.2, half_width).values()) == {""}
+    effort = [one for one in COLUMNS if one.metric == "effort_ratio"]
+    for ends, texts in (
+        ((0.9123, 0.9, 0.9246), ("91.2 ±1.2", "+91.23 ±1.23")),
+        ((0.98, 0.9, 1.0), ("98.0 +2.0/-8.0", "+98.00 +2.00/-8.00")),
+        ((-0.00001, math.nan, math.nan), ("0.0", "+0.00")),  # no minus zero
+    ):
+        row = row_of(effort, Interval(*ends, 3))
+        assert (row.values[0].text, row.differences[0].text) == texts
 
 
-def test_texts_of_cells_have_the_heading_s_unit_and_no_minus_zero():
-    (column,) = (one for one in COLUMNS if one.metric == "effort_ratio")
+RAISING = """
+from alloc.onboard.host import HostedController, TorqueDecision, each_unit
+from alloc.onboard.host import CONTROLLERS
 
-    def texts(value, low, high):
-        mean = {column.metric: Interval(value, low, high, 3)}
-        (row,) = table_rows(
-            [SummaryLine("one", "exact", "none", 3, 0, 0, (), mean, mean)], [column]
-        )
-        return row.values[0].text, row.differences[0].text
 
-    assert texts(0.9123, 0.9, 0.9246) == ("91.2 ±1.2", "+91.23 ±1.23")
-    assert texts(0.98, 0.9, 1.0) == ("98.0 +2.0/-8.0", "+98.00 +2.00/-8.00")
-    assert texts(-0.00001, math.nan, math.nan) == ("0.0", "+0.00")
+class Raising:
+    def __init__(self, context):
+        pass
+
+    def decide(self, sense):
+        if sense.time > 0.4:
+            raise RuntimeError("no </td> today")
+        return TorqueDecision(sense.target, True, "ok", 0.0)
+
+
+CONTROLLERS.register("raising", HostedController("raising", "breaks after a while", each_unit(Raising)))
+"""
+
+
+def test_a_second_call_runs_nothing_and_replaces_the_file_or_leaves_the_old_one(
+    call, short_file, tmp_path, monkeypatch
+):
+    file, rows = tmp_path / "page.html", tmp_path / "results" / "rows"
+    grid = (
+        "--scenario", short_file, "--rules", "alone,exact", "--controllers", "none", "--seeds", 2, "--jobs", 1,
+    )  # fmt: skip
+    report = ("report", *grid, "--results", tmp_path / "results", "--out", file)
+    # rows of a comparison are taken over
+    call("compare", *grid, "--no-figures", "--json", "--out", tmp_path / "results")
+    before = sorted(rows.iterdir())
+    assert call(*report)[0] == 0
+    assert sorted(rows.iterdir()) == before
+    first = file.read_text()
+    file.write_text("old")
+    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    code, out, _ = call(*report)
+    assert code == 0
+    assert "4 runs, 2 replays" in out
+    pairs = zip(first.splitlines(), file.read_text().splitlines(), strict=True)
+    assert all("<dt>made</dt>" in one for one, other in pairs if one != other)
+    file.write_text("old")
+    monkeypatch.setattr("studies.report.page.MOST_BYTES", 10)
+    monkeypatch.setattr("studies.report.page.rendered.__defaults__", (10,))
+    code, _, err = call(*report)
+    assert code == 2
+    assert "fewer events" in err
+    assert file.read_text() == "old"
+
+
+def test_runs_that_fail_are_shown_with_their_reason(call, short_file, tmp_path):
+    plugin = tmp_path / "raising.py"
+    plugin.write_text(RAISING)
+    page = tmp_path / "page.html"
+    code, out, _ = call(
+        "--plugin", plugin, "report", "--scenario", short_file, "--rules", "alone", "--controllers", "none,raising",
+        "--seeds", 1, "--jobs", 1, "--results", tmp_path / "results", "--out", page,
+    )  # fmt: skip
+    text = page.read_text()
+    assert code == 0
+    assert "1 failed" in out
+    assert "1 of 1 failed" in text
+    assert "RuntimeError: no &lt;/td&gt; today" in text
+    assert 'data-replay="short/alone/none/0"' in text
+    assert 'data-replay="short/alone/raising/0"' not in text
+    assert "2 runs, of which 1 count" in text
+
+
+def test_a_missing_package_is_named_before_anything_is_run(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    code, _, err = call("report", "--scenario", "wet-patch")
+    assert code == 2
+    assert "pip install 'readhesion[report]'" in err
+    assert not list(tmp_path.iterdir())

@@ -4,6 +4,7 @@ import pandas as pd
 import pytest
 
 from studies.core.cell import Task
+from studies.core.collection import all_studies, find_study
 from studies.core.statement import HOLDS, Statement
 from studies.core.store import Store
 from studies.core.study import EachEvent, Study
@@ -104,14 +105,28 @@ def test_events_held_are_counted_from_the_first_under_the_same_settings(tmp_path
 
 def test_later_stages_follow_from_the_rows_before_them_and_count_as_held(tmp_path):
     staged = study(later=(second_stage,), step=3)
-    table = staged.run(tmp_path, 3)
+
+    def interrupt(label, done, total):
+        if label == "0/more":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        staged.run(tmp_path, 3, on_row=interrupt)
+    calls.clear()
+    table = staged.run(tmp_path, 3)  # goes on as one that was not interrupted
+    assert set(calls) <= {(0, 20)}
     assert table["number"].tolist() == [0, 0, 1, 1, 2, 2, 20, 20]
     assert staged.held(tmp_path, 0) == 3
     study().run(tmp_path, 4)  # the first stage alone
     assert staged.held(tmp_path, 0) == 3
 
 
-def test_a_study_to_which_more_events_add_nothing_is_held_once(tmp_path):
+def test_every_study_is_found_by_its_name_and_one_to_which_events_add_nothing_is_held_once(
+    tmp_path,
+):
+    for name, one in all_studies().items():
+        assert find_study(name) is one
+        assert one.name == name
     fixed = Study("fixed", "the same", 1, lambda seed, events: [Task("x", squares, (0, 1))], list)
     fixed.run(tmp_path, 1)
     assert fixed.held(tmp_path) == 1

@@ -1,8 +1,6 @@
 """Files speak km/h, t and per mille, the code SI; the ending of a key is the only place where that is decided."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from alloc.units import UNITS
 from studies.files.strict import Strict
@@ -47,8 +45,3 @@ def test_no_ending_hides_a_longer_one():
     endings = [unit.ending for unit in UNITS]
     for k, ending in enumerate(endings):
         assert not any(longer.endswith(ending) for longer in endings[k + 1 :])
-
-
-@given(st.floats(-600.0, 600.0).map(lambda value: round(value, 3)))
-def test_conversion_is_linear_in_the_value(value):
-    assert si(Everything(speed_kmh=value))["speed"] * 3.6 == pytest.approx(value)

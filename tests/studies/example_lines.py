@@ -1,10 +1,15 @@
-"""An example line and an example railcar, made up: short, so that a run takes a moment."""
+"""Made-up lines, short, so that a run takes a moment: one with its railcar, and a route for the speed control."""
 
+from functools import lru_cache
 from itertools import pairwise
 
+from alloc.onboard.speed_controller import SpeedCommand
+from alloc.plant.rail import Line
+from alloc.plant.sets import find_set
 from studies.railtoolkit.keys import VehicleKeys
 from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPath, Section
 from studies.railtoolkit.vehicles import build_formation
+from studies.resistance.routes import Route
 
 _SECTIONS = (
     # start m, limit km/h, gradient per mille
@@ -12,7 +17,6 @@ _SECTIONS = (
     (5200.0, 110.0, -6.0), (7000.0, 60.0, -14.0), (7080.0, 100.0, -14.0), (8300.0, 100.0, 0.0),
     (10400.0, 120.0, 2.0), (12300.0, 90.0, -3.0), (14000.0, 50.0, 0.0), (15000.0, 50.0, 0.0),
 )  # fmt: skip
-
 EXAMPLE_PATH = RunningPath(
     "example line",
     tuple(
@@ -26,7 +30,6 @@ EXAMPLE_PATH = RunningPath(
         PointOfInterest(14000.0, "entry signal"),
     ),
 )
-
 EXAMPLE_RAILCAR = VehicleKeys(
     name="example railcar",
     id="X1",
@@ -59,3 +62,11 @@ def example_stock(load_share: float = 1.0) -> RollingStock:
         vehicle.name, [vehicle], "made up for an example", load_share, deceleration
     )
     return RollingStock(train, vehicle.speed_limit / 3.6, deceleration)
+
+
+@lru_cache(maxsize=1)
+def short_route() -> Route:
+    """The loaded commuter train goes from 12 to 18 m/s and meets a tunnel, then a climb."""
+    train = find_set("commuter-8car").loaded((6e3,) * 8)
+    line = Line((0.0, 1250.0, 1550.0), (0.0, 0.02, 0.0), ((650.0, 950.0),), 3.0, 1.0)
+    return Route("short", train, line, SpeedCommand((2.0,), (18.0,), 0.4, 12.0), 108.0)

@@ -1,8 +1,10 @@
-"""Means over seeds, the printed table, and the JSON that holds everything."""
+"""A comparison: what it consists of when nothing is said, means over seeds, the printed table, and the JSON."""
 
 import io
 import json
 import math
+from collections import Counter
+from fnmatch import fnmatchcase
 
 import numpy as np
 import pandas as pd
@@ -11,9 +13,75 @@ from rich.console import Console
 
 from alloc.metrics import METRICS
 from alloc.metrics.registry import UNLIMITED
+from alloc.onboard.controllers.collection import BUILT_IN
+from alloc.onboard.host import CONTROLLERS
+from alloc.rules import RULES
+from studies.comparison.defaults import (
+    DEFAULT_SEEDS,
+    KEPT_RUNS,
+    SLOW_CONTROLLER,
+    SLOW_RULES,
+    default_grid,
+    make_grid,
+)
 from studies.comparison.summary import RULE_CALL_TIME, means_of, summarise, to_json
 from studies.comparison.table import tables
+from studies.core.controllers import check_controller, is_hosted
+from studies.core.drawn_events import COMPARED
 from studies.core.statement import mean_interval
+from studies.scenario.loading import load_scenario, shipped_scenarios
+
+
+def test_by_default_every_scenario_but_those_of_faults_meets_every_rule_but_the_slow_ones():
+    grid = default_grid()
+    shipped = [load_scenario(name) for name in shipped_scenarios()]
+    wanted = [scenario.name for scenario in shipped if scenario.in_default_comparison]
+    assert [scenario.name for scenario in grid.scenarios] == wanted
+    assert 8 <= len(wanted) < len(shipped)
+    assert set(grid.rules) == set(RULES) - set(SLOW_RULES)
+    assert grid.seeds == tuple(range(DEFAULT_SEEDS))
+    assert DEFAULT_SEEDS >= 5
+    assert not grid.fixed
+    cells = Counter((job.scenario.name, job.rule, job.controller) for job in grid.jobs())
+    seeds = dict.fromkeys(COMPARED, DEFAULT_SEEDS) | {SLOW_CONTROLLER: 1}
+    assert cells == {
+        (name, rule, controller): count
+        for name in wanted
+        for rule in grid.rules
+        for controller, count in seeds.items()
+    }
+
+
+def test_every_pattern_of_runs_to_keep_matches_a_cell():
+    labels = [job.label for job in default_grid().jobs()]
+    for pattern in KEPT_RUNS:
+        assert any(fnmatchcase(label, pattern) for label in labels)
+
+
+def test_named_controllers_are_all_that_is_run():
+    """The slow one meets the first seed, and all where it is named; slow rules run when they are asked for."""
+    scenario = load_scenario("wet-start")
+    grid = make_grid([scenario], ["exact", "exact"], ["none"], 2)
+    assert [job.label for job in grid.jobs()] == [
+        "wet-start/exact/none/0",
+        "wet-start/exact/none/1",
+    ]
+    grid = make_grid([scenario], ["exact"], None, 2)
+    assert {job.seed for job in grid.jobs() if job.controller == SLOW_CONTROLLER} == {0}
+    named = make_grid([scenario], ["exact"], [SLOW_CONTROLLER], 2)
+    assert [job.seed for job in named.jobs()] == [0, 1]
+    assert make_grid([scenario], ["qp-cvxpy"], ["none"], 1).rules == ("qp-cvxpy",)
+
+
+def test_built_in_and_hosted_controllers_stand_in_one_collection():
+    hosted = ["mpc", "mpc-car", "mpc-opti", "mpc-train", "mpc-train-ideal"]
+    assert list(CONTROLLERS) == [*BUILT_IN, *hosted]
+    assert [name for name in CONTROLLERS if is_hosted(name)] == hosted
+    for name in hosted:
+        assert CONTROLLERS[name].name == name
+        assert CONTROLLERS.origin(name) == "mpc.hosted"
+        check_controller(name)
+
 
 FAULT_HEADINGS = {"fallbacks": "backs", "blinded": "blinded", "telegrams_lost": "telegr."}
 """Counts of faults, and a word of the heading of each."""
@@ -48,10 +116,14 @@ def mean_of(values, within=UNLIMITED):
     return mean
 
 
-def test_the_interval_of_a_mean_of_few_seeds_is_students():
+def test_the_interval_of_a_mean_of_few_seeds_is_students_of_those_to_which_the_metric_applies():
     mean = mean_of([1.0, 2.0, 3.0])
     assert (mean.value, mean.count) == (2.0, 3)
     assert [2.0 - mean.low, mean.high - 2.0] == pytest.approx([STUDENTS, STUDENTS], rel=1e-3)
+    mean = mean_of([1.0, np.nan, 3.0])
+    assert (mean.value, mean.count) == (2.0, 2)
+    assert mean_of([np.nan]).count == 0
+    assert math.isnan(mean_of([1.0]).low)
 
 
 def test_an_interval_ends_where_the_range_of_its_metric_does():
@@ -76,25 +148,6 @@ def test_all_means_at_once_are_those_one_by_one():
         assert one.high == pytest.approx(alone.high, rel=1e-12)
 
 
-def test_runs_to_which_a_metric_does_not_apply_are_left_out():
-    mean = mean_of([1.0, np.nan, 3.0])
-    assert (mean.value, mean.count) == (2.0, 2)
-    assert mean_of([np.nan]).count == 0
-
-
-def test_one_seed_has_no_interval():
-    assert math.isnan(mean_of([1.0]).low)
-
-
-def test_failed_runs_count_but_do_not_enter_the_mean():
-    table = pd.DataFrame(
-        rows(damage=[1.0, 2.0, 99.0], status=["ok", "ok", "failed"], reason=["", "", "fell off"])
-    )
-    (line,) = summarise(table)
-    assert (line.seeds, line.failed, line.reasons) == (3, 1, ("fell off",))
-    assert line.metrics["damage"].value == 1.5
-
-
 def test_the_time_of_a_call_follows_from_time_and_calls():
     (line,) = summarise(pd.DataFrame(rows(rule_time=[2.0, 4.0, 0.0], rule_calls=[4.0, 4.0, 0.0])))
     assert line.metrics[RULE_CALL_TIME].value == pytest.approx(0.75)
@@ -109,40 +162,31 @@ def test_json_holds_every_metric_of_every_line_and_no_nan():
     assert set(METRICS) <= set(content["metrics"])
     for row in content["rows"]:
         assert set(METRICS) <= set(row["metrics"])
-    assert content["rows"][0]["metrics"]["coupler_peak"] == dict.fromkeys(("mean", "low", "high"))
-    assert content["rows"][1]["metrics"]["damage"] == {
-        "mean": 0.5,
-        "low": None,
-        "high": None,
-    }
+    one, other = (row["metrics"] for row in content["rows"])
+    assert one["coupler_peak"] == dict.fromkeys(("mean", "low", "high"))
+    assert other["damage"] == {"mean": 0.5, "low": None, "high": None}
     assert content["metrics"]["damage"]["unit"] == "kJ"
 
 
-@pytest.mark.parametrize("width", [95, 120, 200])
-def test_a_table_fits_the_terminal(width):
+def test_tables_and_differences_fit_the_terminal():
     large = dict.fromkeys(FAULT_HEADINGS, 0.0)
     large |= {"energy": 123.4, "telegrams": 1200.0, "damage": 98765.0, "coupler_peak": 1234.0}
     table = pd.DataFrame(rows(rule="greedy-claim", controller="cut-and-ramp", seeds=1, **large))
-    text = render(table, width)
-    assert all(len(line.rstrip()) <= width for line in text.splitlines())
-    assert "…" not in text
-    assert ("not shown for want of width: telegrams" in text) == (width < 200)
-    assert "98765" in text
-
-
-def test_differences_fit_a_narrow_terminal():
     names = {
-        "controller": "cut-and-ramp",
         "effort_ratio": [0.1, 0.2, 0.6],
         "damage": [1.0, 90.0, 9.0],
+        "controller": "cut-and-ramp",
     }
-    table = pd.DataFrame(
-        rows(rule="alone") + rows(rule="greedy-claim", **names) + rows(rule="alone", **names)
-    )
-    (_, _, below) = render(table, 95).partition("less alone")
-    assert "+0.00" in below
-    assert all(len(line.rstrip()) <= 95 for line in below.splitlines())
-    assert "…" not in below
+    other = rows(rule="alone") + rows(rule="greedy-claim", **names) + rows(rule="alone", **names)
+    for width in (95, 120, 200):
+        text = render(table, width)
+        assert ("not shown for want of width: telegrams" in text) == (width < 200)
+        assert "98765" in text
+        (_, _, below) = render(pd.DataFrame(other), width).partition("less alone")
+        assert "+0.00" in below
+        for shown in (text, below):
+            assert all(len(line.rstrip()) <= width for line in shown.splitlines())
+            assert "…" not in shown
 
 
 def test_a_line_is_named_once_per_rule_and_shows_its_interval():
@@ -228,15 +272,14 @@ def test_columns_that_apply_to_nothing_are_left_out():
     assert "control" not in text.replace("controller", "")
 
 
-@pytest.mark.parametrize("metric", FAULT_HEADINGS)
-def test_faults_are_shown_where_there_are_any_and_only_there(metric):
+def test_faults_are_shown_where_there_are_any_and_only_there():
     none = dict.fromkeys(FAULT_HEADINGS, 0.0)
-    heading = FAULT_HEADINGS[metric]
-    assert heading not in render(pd.DataFrame(rows(**none)), 200)
-    some = pd.DataFrame([*rows(**(none | {metric: 7.0})), *rows(rule="alone", **none)])
-    shown = render(some, 200)
-    assert heading in shown
-    line = next(line for line in shown.splitlines() if line.split()[:1] == ["exact"])
-    assert " 7 " in line
-    others = [text for name, text in FAULT_HEADINGS.items() if name != metric]
-    assert not any(text in shown for text in others)
+    plain = render(pd.DataFrame(rows(**none)), 200)
+    for metric in FAULT_HEADINGS:
+        some = pd.DataFrame([*rows(**(none | {metric: 7.0})), *rows(rule="alone", **none)])
+        shown = render(some, 200)
+        headings = {name for name, heading in FAULT_HEADINGS.items() if heading in shown}
+        assert headings == {metric}
+        assert FAULT_HEADINGS[metric] not in plain
+        line = next(line for line in shown.splitlines() if line.split()[:1] == ["exact"])
+        assert " 7 " in line
