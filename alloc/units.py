@@ -1,5 +1,6 @@
 """Units in the names of keys: files speak km/h, t and per mille, the code SI."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -37,6 +38,7 @@ UNITS: tuple[Unit, ...] = (
     Unit("kN", "_kn", 1e3, 1e-3, 2e3),
     Unit("kW", "_kw", 1e3, 1e-3, 1e5),
     Unit("N m", "_nm", 1.0, 1e-2, 1e6),
+    Unit("1/min", "_rpm", math.pi / 30.0, 1e-3, 1e5),
     Unit("mm", "_mm", 1e-3, 1e-3, 1e4),
     Unit("N", "_n", 1.0, 1e-9, 1e6),
     Unit("m", "_m", 1.0, 1e-4, 1e7),

@@ -22,6 +22,7 @@ from alloc.plant.laws import (
     gradient_force,
     hyperbolic_speed_law,
     motor_torque_rate,
+    parallel_motor_torque,
     slip_velocity,
     sticking_contact,
     stuck_share,
@@ -115,9 +116,17 @@ class ArrayModel:
     def motor_torques(self, state: Array) -> Array:
         """Torque of the motors on every wheelset [N m], at the wheel."""
         omega = state[self.layout.omega]
-        return self._column(self.structure.gear, omega) * (
-            self.unit_of_axle @ state[self.layout.torque]
+        gear = self._column(self.structure.gear, omega)
+        torque = self.unit_of_axle @ state[self.layout.torque]
+        if not self.structure.axle_motor[0].any():
+            return gear * torque
+        own = gear * omega
+        mean = self.unit_of_axle @ (
+            (self.unit_of_axle.T @ own) / self._column(self.structure.unit_axles, omega)
         )
+        motor = (self._column(values, omega) for values in self.structure.axle_motor)
+        kind, breakdown, slip = motor
+        return gear * parallel_motor_torque(kind, torque, breakdown, slip, mean, own)
 
     def wheelsets(self, state: Array, force: Array) -> tuple[Array, Array]:
         """Torque of the brake shoes on every wheelset [N m] under its rail force [N], and angular acceleration [rad/s2]."""

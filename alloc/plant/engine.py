@@ -19,6 +19,7 @@ from alloc.plant.laws import (
     hyperbolic_speed_law,
     limit_place,
     motor_torque_rate,
+    parallel_motor_torque,
     slip_velocity,
     speed_decline,
     sticking_contact,
@@ -257,6 +258,7 @@ def _motors(w, time, y, slope):
         speed = spread(0.0)
         for m in range(unit.members.shape[0]):
             speed = speed + load(unit.share[m], j) * gather(y, unit.members[m], j)
+        store(w.scratch.unit_speed, j, speed * load(unit.shaft, j))
         place = load(unit.table_start, j) + limit_place(
             speed, 1.0 / EFFORT_SPEED_STEP, unit.table_size
         )
@@ -289,8 +291,14 @@ def _wheels(w, y, slope):
             carried = gather(c.car_force, axle.car, i)
             normal = axle_load(normal, load(axle.unloading, i), carried)
         force = load(c.mu, i) * normal
-        motor = load(axle.gear, i) * gather(y, axle.torque_row, i)
         r, omega = load(axle.radius, i), load(y, row.omega + i)
+        gear, torque = load(axle.gear, i), gather(y, axle.torque_row, i)
+        if axle.parallel:
+            torque = parallel_motor_torque(
+                load(axle.motor[0], i), torque, load(axle.motor[1], i), load(axle.motor[2], i),
+                gather(c.unit_speed, axle.unit, i), gear * omega,
+            )  # fmt: skip
+        motor = gear * torque
         limit = spread(0.0)
         if braked:
             limit = load(axle.shoe_gain, i) * gather(y, axle.pressure_row, i)

@@ -88,6 +88,45 @@ def motor_torque_rate(torque, command, drive_limit, brake_limit, health, inverse
 
 
 @equation
+def induction_motor_torque(torque, breakdown, breakdown_slip, mean_speed, own_speed):
+    """Torque of one of several induction motors on an inverter [N m]: Kloss's equation.
+
+    The inverter feeds all of them with one frequency, at which a motor of their `mean_speed` gives `torque`; one that turns
+    faster slips less in its field, and gives less. `breakdown` [N m]: the largest torque, at a slip of `breakdown_slip`
+    [rad/s] between field and rotor. At `mean_speed` the result is `torque`, whose size is at most `breakdown`.
+    """
+    share = minimum(maximum(torque / breakdown, -1.0), 1.0)
+    slip = share / (1.0 + sqrt(1.0 - share * share)) + (mean_speed - own_speed) / breakdown_slip
+    return breakdown * 2.0 * slip / (1.0 + slip * slip)
+
+
+@equation
+def series_motor_torque(torque, base_speed, mean_speed, own_speed):
+    """Torque of one of several direct-current series motors on one voltage [N m].
+
+    Current is voltage over (resistance + constant x speed), and torque goes with its square (unsaturated field).
+    `base_speed` [rad/s]: speed at which the resistance takes half of the voltage.
+    """
+    ratio = (absolute(mean_speed) + base_speed) / (absolute(own_speed) + base_speed)
+    return torque * ratio * ratio
+
+
+INDUCTION, SERIES = 1.0, 2.0
+"""Kinds of motors that share an inverter or a voltage; 0: each motor has a torque control of its own."""
+
+
+@equation
+def parallel_motor_torque(kind, torque, breakdown, slip, mean_speed, own_speed):
+    """Torque of one of the motors of a unit [N m], at `own_speed` [rad/s] of its shaft, where their mean is `mean_speed`.
+
+    `breakdown` and `slip`: as `breakdown_slip`, or as `base_speed`.
+    """
+    induction = induction_motor_torque(torque, breakdown, slip, mean_speed, own_speed)
+    series = series_motor_torque(torque, slip, mean_speed, own_speed)
+    return where(kind > 1.5, series, where(kind > 0.5, induction, torque))
+
+
+@equation
 def limit_place(speed, per_speed, size):
     """Where a table of torque limits of `size` points, 1 / `per_speed` [m/s] apart, is read at `speed` [m/s], for `look_up`.
 

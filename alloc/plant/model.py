@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from alloc.display import displayed
 from alloc.errors import PlantError
 from alloc.plant.adhesion import AdhesionCurve
-from alloc.plant.laws import LOCK_TIME, STANDSTILL_SPEED
+from alloc.plant.laws import INDUCTION, LOCK_TIME, STANDSTILL_SPEED
 from alloc.plant.rail import Line, Patches, Rail, Receptivity, axle_values, patch_arrays
 from alloc.plant.train import Car, DraftGear, Train
 
@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+NO_MOTOR = (0.0, 1.0, 1.0)
+"""`Motors.characteristic` of an axle without motor."""
 NO_WEDGES = (0.0,) * 8
 """`DraftGear.wedges` of a coupler without friction."""
 
@@ -53,6 +55,7 @@ class Structure(NamedTuple):
     unit_axles: Floats  # number of axles of each unit
     unit_lag: Floats
     unit_gear: Floats
+    axle_motor: Floats  # (3, axles) of the motor's unit: `Motors.characteristic`
     drive_table: Floats  # (units, EFFORT_TABLE_LENGTH) torque per motor [N m]
     brake_table: Floats
     group_fill: Floats
@@ -223,6 +226,9 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
         unit_axles=np.array([float(count) for _, count in units]),
         unit_lag=np.array([motor.torque_lag for motor, _ in motors]),
         unit_gear=np.array([motor.gear_ratio for motor, _ in motors]),
+        axle_motor=np.array(
+            [motors[j][0].characteristic if j >= 0 else NO_MOTOR for j in axle["unit"]]
+        ).T,
         drive_table=np.stack(drive) if drive else np.zeros((0, 0)),
         brake_table=np.stack(brake) if brake else np.zeros((0, 0)),
         group_fill=np.array([one.fill_time for one in brakes]),
@@ -416,6 +422,7 @@ class Model:
         rates.append(float((drag / s.body_mass).max()))
         if s.unit_lag.size:
             rates.append(float(1.0 / s.unit_lag.min()))
+            rates.append(float(self._motor_rates().max()))
         if s.group_fill.size:
             rates += [1.0 / LOCK_TIME, float(1.0 / min(s.group_fill.min(), s.group_release.min()))]
             # contacts of braked wheels at rest
@@ -431,6 +438,14 @@ class Model:
             sliding = float(((structure + loading) * fluidity).max())
             rates += [damped, oscillation, sliding + damped + oscillation if sliding else 0.0]
         return max(rates)
+
+    def _motor_rates(self) -> Floats:
+        """Rate [1/s] at which motors on one inverter bring each wheelset to their mean speed, (axles,)."""
+        s = self.structure
+        kind, breakdown, slip = s.axle_motor
+        steepest = s.drive_table.max(initial=0.0), s.brake_table.max(initial=0.0)
+        slope = np.where(kind == INDUCTION, 2.0 * breakdown / slip, 2.0 * max(steepest) / slip)
+        return np.asarray(np.where(kind > 0.0, slope * s.gear**2 / s.inertia, 0.0))
 
     def substeps(self, step: float) -> int:
         """Integration steps into which `step` [s] must be divided to be stable."""

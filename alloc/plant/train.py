@@ -53,6 +53,9 @@ def triple(owner: str, name: str, values: tuple[float, float, float]) -> tuple[f
 
 InverterGroup = Literal["1C4M", "1C2M", "1C1M"]
 """Motors per inverter: a whole car, a bogie, an axle."""
+MotorKind = Literal["torque", "induction", "series"]
+"""How the motors of a unit divide its torque. "torque": equally, whatever their speeds. "induction": in parallel on
+one inverter. "series": direct-current series motors on one voltage."""
 
 EFFORT_SPEED_STEP = 1.0 / 3.6
 """Spacing [m/s] of tabulated torque limits: 1 km/h, the spacing of published effort curves."""
@@ -103,6 +106,11 @@ class TorqueLimit:
         torque = radius / (gear_ratio * motors) * np.interp(speed, speeds_kmh, efforts)
         return cls(peak=float(torque[0]), power=0.0, table=tuple(torque.tolist()))
 
+    @property
+    def greatest(self) -> float:
+        """The largest torque at any speed [N m]."""
+        return self.peak if self.table is None else max(self.table)
+
     def tabulate(self, radius: float, gear_ratio: float) -> NDArray[np.float64]:
         """Limit [N m] at multiples of `EFFORT_SPEED_STEP`, (EFFORT_TABLE_LENGTH,)."""
         if self.table is not None:
@@ -128,11 +136,46 @@ class Motors:
     brake: TorqueLimit
     torque_lag: float = 5e-3
     """Time constant of the torque [s]; 5 ms: readhesion paper, section 2.2."""
+    kind: MotorKind = "torque"
+    breakdown_torque: float = math.inf
+    """Largest torque of an induction motor [N m]."""
+    slip_speed: float = math.inf
+    """[rad/s] at the shaft: of an induction motor the slip between field and rotor at the breakdown torque, of a series motor
+    the speed at which its resistance takes half of the voltage."""
 
     def __post_init__(self) -> None:
-        PlantError.check("motors", self, positive=("gear_ratio", "torque_lag"))
-        if self.group not in get_args(InverterGroup):
-            raise PlantError(f"motors: group = {self.group!r} must be 1C4M, 1C2M or 1C1M")
+        PlantError.check(
+            "motors", self,
+            positive=("gear_ratio", "torque_lag", "breakdown_torque", "slip_speed"),
+            infinite=("breakdown_torque", "slip_speed"),
+        )  # fmt: skip
+        PlantError.check_choice("motors", "group", self.group, get_args(InverterGroup))
+        PlantError.check_choice("motors", "kind", self.kind, get_args(MotorKind))
+        needed = {
+            "torque": (),
+            "induction": ("breakdown_torque", "slip_speed"),
+            "series": ("slip_speed",),
+        }
+        for name in needed[self.kind]:
+            if math.isinf(getattr(self, name)):
+                raise PlantError(f"motors: kind = {self.kind!r} needs {name}; give a finite one")
+        most = max(limit.greatest for limit in (self.drive, self.brake))
+        if self.kind == "induction" and not self.breakdown_torque > most:
+            raise PlantError(
+                f"motors: breakdown_torque = {self.breakdown_torque!r} must exceed the largest torque, {most:g} N m"
+            )
+
+    @property
+    def characteristic(self) -> tuple[float, float, float]:
+        """Number of the kind, breakdown torque and slip, as `alloc.plant.laws.parallel_motor_torque` takes them.
+
+        A single motor on an inverter has all of its torque.
+        """
+        kind = 0.0 if self.group == "1C1M" else float(get_args(MotorKind).index(self.kind))
+        return (
+            kind,
+            *(1.0 if math.isinf(x) else x for x in (self.breakdown_torque, self.slip_speed)),
+        )
 
 
 @displayed

@@ -112,6 +112,9 @@ class AxleConstants(NamedTuple):
     inertia: Floats
     inverse_inertia: Floats
     gear: Floats
+    motor: Floats  # (3, axles) kind, breakdown torque and slip, as of `Motors.characteristic`
+    parallel: bool  # whether motors share an inverter or a voltage
+    unit: Ints  # of the axle, or one without speed
     static_load: Floats
     contact: Floats
     unloading: Floats
@@ -151,6 +154,7 @@ class UnitConstants(NamedTuple):
 
     members: Ints  # (most axles of a unit, units) rows of the angular speeds of its axles
     share: Floats  # (most axles of a unit, units) by which they give the unit's rim speed
+    shaft: Floats  # speed of the motor shaft [rad/s] over that of the rim
     inverse_lag: Floats
     failure_time: Floats
     table_start: Floats  # (units,) where its limits begin in the tables
@@ -213,6 +217,7 @@ class Scratch(NamedTuple):
     net: Floats  # (bodies,) force without couplers
     tension: Floats  # (bodies,) behind a block of zeros
     command: Floats  # (units,)
+    unit_speed: Floats  # (units,) mean speed of the motor shafts [rad/s], and a block of zeros
     target: Floats  # (groups,) behind the dead time
     valve: Floats
     cleaning: Remembered  # degree, 0..1
@@ -269,6 +274,9 @@ def _axles(model: Model, row: Rows) -> AxleConstants:
         inertia=filled(s.inertia, 1.0),
         inverse_inertia=filled(1.0 / s.inertia),
         gear=filled(s.gear),
+        motor=filled(s.axle_motor, 1.0),
+        parallel=bool(s.axle_motor[0].any()),
+        unit=indices(s.axle_unit, padded(model.layout.units)),
         static_load=filled(s.static_load),
         contact=filled(e.contact, 1.0),
         unloading=filled(s.unloading),
@@ -313,6 +321,7 @@ def _units(model: Model, row: Rows) -> UnitConstants:
     return UnitConstants(
         members=np.where(of_unit < 0, row.nothing, row.omega + of_unit),
         share=np.where(of_unit < 0, 0.0, s.radius[of_unit] / filled(s.unit_axles, 1.0)),
+        shaft=filled(s.unit_gear / s.radius[of_unit[0, : n.units]]),
         inverse_lag=filled(1.0 / s.unit_lag, 1.0),
         failure_time=filled(model.environment.failure_time),
         table_start=points * filled(np.arange(float(n.units))),
@@ -361,6 +370,7 @@ def _scratch(model: Model, row: Rows, step: float) -> Scratch:
         net=np.zeros(cars),
         tension=np.zeros(WIDTH + cars),
         command=np.zeros(padded(n.units)),
+        unit_speed=np.zeros(padded(n.units) + WIDTH),
         target=np.zeros(groups),
         valve=np.zeros(groups),
         cleaning=Remembered(np.zeros(axles), np.zeros(cells if e.conditioned else 1)),

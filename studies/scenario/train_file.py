@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from alloc.errors import PlantError
 from alloc.plant.sets import train_of
-from alloc.plant.train import Car, InverterGroup, Sander, Train
+from alloc.plant.train import Car, InverterGroup, MotorKind, Sander, Train
 from studies.files.in_file_words import in_file_words
 from studies.files.strict import Strict, parse, read_toml
 from studies.files.study_error import StudyError
@@ -44,6 +44,16 @@ class MotorKeys(Strict):
     """Speed from which the torque falls with the square of the speed. Left out: it never does."""
     fade_speed_kmh: float = 5.0
     """Speed below which the electric brake fades. Source: assumed."""
+    torque_lag_s: float = Field(default=0.005, gt=0.0)
+    """Time constant of the torque behind its command. Source: readhesion paper, section 2.2."""
+    kind: MotorKind = "torque"
+    """How the motors of an inverter divide its torque: torque, equally; induction, by Kloss's equation at one frequency;
+    series, direct-current motors on one voltage. A single motor on its inverter has all of the torque."""
+    breakdown_torque_nm: float | None = Field(default=None, gt=0.0)
+    """Largest torque of an induction motor. Left out: the motors are of another kind."""
+    slip_speed_rpm: float | None = Field(default=None, gt=0.0)
+    """Of an induction motor: slip of the shaft at the breakdown torque. Of a series motor: speed of the shaft at which its
+    resistance takes half of the voltage. Left out: the motors have torque controls of their own."""
     planned_adhesion: Literal["shinkansen", "curtius-kniffler"] | None = None
     """Coefficient over the speed for which drive and brake are planned: they ask no more of a wheel under the empty car.
     Left out: torque and power alone decide. Source: shinkansen: JP5484215 (12); curtius-kniffler: Curtius and Kniffler,

@@ -132,7 +132,14 @@ def _motors(keys: Mapping[str, Any], radius: float, count: int, axle_mass: float
         drive, brake = (
             _within_adhesion(one, law, radius / gear_ratio, axle_mass) for one in (drive, brake)
         )
-    return Motors(keys["inverter_group"], gear_ratio, drive, brake)
+    own = {
+        name: given[name]
+        for name in ("torque_lag", "breakdown_torque", "slip_speed")
+        if name in given
+    }
+    return Motors(
+        keys["inverter_group"], gear_ratio, drive, brake, kind=keys.get("kind", "torque"), **own
+    )
 
 
 def _within_adhesion(
