@@ -140,8 +140,8 @@ class Motors:
     breakdown_torque: float = math.inf
     """Largest torque of an induction motor [N m]."""
     slip_speed: float = math.inf
-    """Speed at the shaft [rad/s]: of an induction motor the slip between field and rotor at the breakdown torque, of a series
-    motor the speed at which its resistance takes half of the voltage."""
+    """Speed at the shaft [rad/s]: of an induction motor the slip between field and rotor at the breakdown torque, of a
+    series motor the speed at which its resistance takes half of the voltage."""
 
     def __post_init__(self) -> None:
         PlantError.check(
