@@ -13,9 +13,10 @@ from studies.core.study import EachEvent, Study
 from studies.patent.claim_events import BELIEVED_SLOPE, DURATION, EVENTS, QUANTITIES, scenario
 from studies.patent.claim_measures import EXCESS_EDGES, RANGES, excess_column, measure
 
-LAYERS = ("greedy-literal", "greedy-tuned", "greedy", "cooperative")
-"""The patent judged in four layers: as printed, called at the foremost unit's slip; at its best within its words; its caps
-and its level on what all units report; its idea, that the rear makes up for the front, on what each unit finds itself."""
+LAYERS = ("greedy-printed", "greedy-literal", "greedy-tuned", "greedy", "cooperative")
+"""The patent judged in five layers: every equation as printed; its steps with the equations corrected; at its best within its
+words; its caps and its level on what all units report; its idea, that the rear makes up for the front, on what each unit
+finds itself."""
 ARMS = tuple(Arm(rule, controller) for controller in COMPARED for rule in LAYERS)
 """Rules under their controllers of which the patent's claims are claims: each claim of each is one of the family."""
 
