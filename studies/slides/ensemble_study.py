@@ -54,10 +54,10 @@ NOISES = (1e-4, 1e-2)
 PARAMETERS = len(BOUNDS)
 
 
-UNDECIDED = "the tables do not tell which set is right"
+NOT_TOLD = "the tables do not tell which set is right"
 LARGE = Claim(
     "ensemble", f"at least {LEAST_MEMBERS} sets reach all that is printed, within the tolerances", "sets", AT_LEAST,
-    LEAST_MEMBERS, exact=True, reason=UNDECIDED, show=in_words("so many: {:.0f}"),
+    LEAST_MEMBERS, exact=True, reason=NOT_TOLD, show=in_words("so many: {:.0f}"),
     method=f"CMA-ES from drawn sets, then differential evolution Monte Carlo; {RANGE}",
 )  # fmt: skip
 IN_USE = Claim(
