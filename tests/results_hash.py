@@ -37,11 +37,10 @@ from paper_figs.saving import data_of
 from paper_figs.style import STYLE_FILE
 from studies.command_line.main import run as run_command
 from studies.comparison.summary import summarise, to_json
-from studies.core.collection import find_study
-from studies.core.controllers import is_hosted
-from studies.core.job import Job, simulate_job
+from studies.core.job import Job, is_hosted, simulate_job
 from studies.core.statement import VERDICTS, Statement
-from studies.core.union import MEASURED
+from studies.core.store import MEASURED
+from studies.core.study import find_study
 from studies.logs.simulated import write_log
 from studies.scenario.loading import load_scenario, shipped_scenarios
 from studies.slides.ensemble_study import Effort

@@ -10,8 +10,17 @@ from studies.core.drawn_events import COMPARED, Arm, complete, paired
 from studies.core.job import Job
 from studies.core.statement import INTERVALS_OF_MEANS, Statement, in_words
 from studies.core.study import EachEvent, Study
-from studies.patent.claim_events import BELIEVED_SLOPE, DURATION, EVENTS, QUANTITIES, scenario
-from studies.patent.claim_measures import EXCESS_EDGES, RANGES, excess_column, measure
+from studies.patent.claim_events import (
+    BELIEVED_SLOPE,
+    DURATION,
+    EVENTS,
+    EXCESS_EDGES,
+    QUANTITIES,
+    RANGES,
+    excess_column,
+    measure,
+    scenario,
+)
 
 LAYERS = ("greedy-printed", "greedy-literal", "greedy-tuned", "greedy", "cooperative")
 """The patent judged in five layers: every equation as printed; its steps with the equations corrected; at its best within its
