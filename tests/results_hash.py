@@ -58,6 +58,7 @@ from tests.studies.resistance_tables import resistance_table
 from tests.studies.sander_tables import sander_table
 from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
+from tests.studies.test_patent_in_stops import braking_table, printed_table
 
 PARTS = ("studies", "runs", "figures", "reports")
 STORED = Path(__file__).with_name("results_hash.json")
@@ -80,6 +81,8 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "claims": (2, {"duration": 4.0}),
     "differences": (12, {"duration": 2.5}),
     "learning": (4, {"duration": 4.0}),
+    "braking": (2, {"duration": 6.0}),
+    "printed": (1, {}),
     "ladder": (2, {"duration": 4.0}),
     "curves": (1, {"duration": 4.0}),
     "published": (1, {"duration": 4.0}),
@@ -105,6 +108,8 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
 SYNTHETIC: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "claims": ("claims", claim_table),
     "differences": ("differences", difference_table),
+    "braking": ("braking", braking_table),
+    "printed": ("printed", printed_table),
     "ladder": ("ladder", ladder_table),
     "curves": ("curves", curve_table),
     "mismatch": ("mismatch", mismatch_table),

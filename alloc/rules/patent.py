@@ -67,9 +67,9 @@ RULES.register("greedy", GREEDY)
 
 GREEDY_LITERAL = replace(
     GREEDY, name="greedy-literal", trigger=Trigger.SLIP, colour="#551c8e", marker="d",
-    description="greedy asked as in JP5484215: at the foremost unit's slip, held, lifted at once; corrected equations",
+    description="greedy by the steps of JP5484215: at the foremost unit's slip, held, lifted at once; corrected equations",
 )  # fmt: skip
-"""The steps of Fig. 7 to 9 as the patent has them, on this project's equipment, which deviates from the text in `PRINTED`."""
+"""The steps of Fig. 7 to 9 as the patent has them, on equipment that deviates from the text in `PRINTED`."""
 RULES.register("greedy-literal", GREEDY_LITERAL)
 
 PRINTED = {
@@ -82,7 +82,7 @@ PRINTED = {
 (6) is without the wheelsets' inertia, and so is (18); (18) and par. 0071 have the command of the air brake for its force."""
 
 GREEDY_PRINTED = replace(
-    GREEDY_LITERAL, name="greedy-printed", onboard=PRINTED, colour="#2c0f4a", marker="8",
+    GREEDY_LITERAL, name="greedy-printed", onboard=PRINTED, colour="#000040", marker="8",
     description="greedy with every equation and test of JP5484215 as printed: Fig. 5, (6) and (18) too",
 )  # fmt: skip
 RULES.register("greedy-printed", GREEDY_PRINTED)

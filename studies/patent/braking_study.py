@@ -1,7 +1,7 @@
 """Claim 3 and effect (3) of JP5484215 in drawn blended stops: does redistribution improve the deceleration?
 
-The stops are those of multiple units among the drawn blended stops (`studies.stops.blended_events`), since the patent is about
-trains with motors in many cars. Every layer of the patent and its prior art meet the same stops, each day the same.
+The stops are those of multiple units among the drawn blended stops (`studies.stops.blended_events`), since the patent is
+about trains with motors in many cars. Every layer of the patent and its prior art meet the same stops.
 """
 
 import pandas as pd

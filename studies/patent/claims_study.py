@@ -23,9 +23,9 @@ from studies.patent.claim_events import (
 )
 
 LAYERS = ("greedy-printed", "greedy-literal", "greedy-tuned", "greedy", "cooperative")
-"""The patent judged in five layers: every equation as printed; its steps with the equations corrected; at its best within its
-words; its caps and its level on what all units report; its idea, that the rear makes up for the front, on what each unit
-finds itself."""
+"""The patent judged in five layers: every equation as printed; its steps with corrected equations; at its best within its
+words; its caps and level on what all units report; its idea, that the rear makes up for the front, on what each unit
+finds."""
 ARMS = tuple(Arm(rule, controller) for controller in COMPARED for rule in LAYERS)
 """Rules under their controllers of which the patent's claims are claims: each claim of each is one of the family."""
 

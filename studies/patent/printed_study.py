@@ -1,6 +1,6 @@
-"""What each equation of JP5484215 is worth as printed: four deviations of the equipment taken back, one at a time and at once.
+"""What the equations of JP5484215 are worth as printed: four deviations taken back, one at a time and all at once.
 
-`greedy-literal` takes the steps of the patent on this project's equipment. Each arm below puts one test or equation back as the
+`greedy-literal` takes the steps of the patent on this project's equipment. Each arm puts one test or equation back as the
 text has it; `greedy-printed` has all four. Starts are those of the claims, stops those of `studies.patent.braking_study`.
 """
 
