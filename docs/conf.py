@@ -48,7 +48,7 @@ autodoc_default_options = {"members": True}
 
 def names_page() -> str:
     """What `readhesion list` lists, as a page."""
-    from studies.command_line.catalogue import catalogue
+    from studies.command_line.list import catalogue
 
     lines = [
         "# Names",

@@ -31,15 +31,20 @@ from paper_figs.style import (
     plain_ticks,
     remark,
 )
-from studies.brake_force.accusations import driven_rows
-from studies.brake_force.faulty_car import AllocatedStop, Fault, allocated_stops
+from studies.brake_force.faulty_car import AllocatedStop, Fault, allocated_stops, driven_rows
 from studies.brake_force.findings import running_test_row
-from studies.brake_force.statements import CUT_OUT
-from studies.core.ensemble_range import PERCENTILES
+from studies.brake_force.study import CUT_OUT
+from studies.core.calibration import PERCENTILES
 from studies.slides.electric import CONTROLLERS, PART
-from studies.slides.jp4209318 import CALIBRATED, Undisclosed, brake, brake_event
-from studies.slides.members import MEMBERS
-from studies.slides.targets import TABLE_4, front
+from studies.slides.jp4209318 import (
+    CALIBRATED,
+    MEMBERS,
+    TABLE_4,
+    Undisclosed,
+    brake,
+    brake_event,
+    front,
+)
 
 DAY, FEW_DAYS = 0, 3
 """Day of the stop that is shown; days of tests that are run where the results have none."""

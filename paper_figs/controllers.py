@@ -41,7 +41,7 @@ from studies.core.drawn_events import complete
 from studies.core.statement import mean_interval
 from studies.ladder.curves_study import CURVES, PAIRS, paired_difference
 from studies.ladder.ladder_study import LADDER, LOCOMOTIVE, YARDSTICKS
-from studies.ladder.mismatch_events import (
+from studies.ladder.mismatch_study import (
     DELAYED,
     GIVEN,
     MIDDLE,
@@ -50,8 +50,8 @@ from studies.ladder.mismatch_events import (
     REFERENCE,
     SEARCHER,
     SOUGHT,
+    difference,
 )
-from studies.ladder.mismatch_study import difference
 
 FEW_OF_LADDER, FEW_OF_CURVES, FEW_OF_MISMATCH = 6, 4, 2
 """Events that are run for a figure where the results have fewer: one or two of each train."""

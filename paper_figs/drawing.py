@@ -24,16 +24,15 @@ from alloc.registry import Registry
 from paper_figs.drawn_data import rows_of
 from paper_figs.saving import MOVING, Legend, Origin, data_of, save_figure, save_image
 from paper_figs.style import DARK, NOTE, STYLE_FILE, remarks
-from studies.comparison.defaults import DEFAULT_SEEDS, KEPT_RUNS, default_grid, default_rules
+from studies.comparison.summary import DEFAULT_SEEDS, KEPT_RUNS, default_grid, default_rules
 from studies.core.cell import OnRow, key_of
-from studies.core.collection import find_study, study_folder
 from studies.core.drawn_events import COMPARED
 from studies.core.gallery import Asked, Saved
 from studies.core.job import Job, simulate_job
 from studies.core.own_parts import called, is_own
-from studies.core.runner import run_cells
+from studies.core.run import run_cells
 from studies.core.store import Store
-from studies.core.study import Study
+from studies.core.study import Study, find_study, study_folder
 from studies.files.study_error import StudyError
 from studies.report.replay import drawing
 from studies.scenario.loading import SCENARIOS, default_scenarios, load_scenario

@@ -34,11 +34,19 @@ from studies.core.claims import quantity as quantity_of
 from studies.core.statement import mean_interval
 from studies.lines.line_run import LineRun, run_line
 from studies.lines.named_files import find_line, find_stock
-from studies.resistance.drawn_routes import RANGES
 from studies.resistance.driven_cases import CARS, FEEDBACK, RIGHT, TAUGHT, CaseRun, drive_case
-from studies.resistance.line_errors import ARMS, LADDER, NONE, ODOMETER, TYPICAL, rung
-from studies.resistance.position_statements import KINDS, ratio
-from studies.resistance.routes import Route, route
+from studies.resistance.line_position_study import KINDS, ratio
+from studies.resistance.routes import (
+    ARMS,
+    LADDER,
+    NONE,
+    ODOMETER,
+    RANGES,
+    TYPICAL,
+    Route,
+    route,
+    rung,
+)
 
 NAME_WIDTH = 0.02
 """Room that an upright name takes, as a share of the line; names that do not find it are left out."""

@@ -27,7 +27,7 @@ from paper_figs.style import (
     legend_below,
     new_panels,
 )
-from studies.core.ensemble_range import PERCENTILES
+from studies.core.calibration import PERCENTILES
 from studies.readhesion_paper import study as readhesion
 from studies.readhesion_paper.findings import HALF_SLIP_LIMIT, HALF_SLIP_WIDTHS
 from studies.readhesion_paper.lanes import TableRuns

@@ -52,8 +52,7 @@ from studies.stops.blended_study import (
     less,
     pairs_of,
 )
-from studies.stops.sander_placement import PLACEMENTS, SHARINGS, USUAL
-from studies.stops.sander_trial import DISTANCES
+from studies.stops.sander_trial import DISTANCES, PLACEMENTS, SHARINGS, USUAL
 from studies.stops.sanders_study import CARS, TRIALS, arms
 
 FEW_EVENTS = 2

@@ -37,11 +37,10 @@ from paper_figs.saving import data_of
 from paper_figs.style import STYLE_FILE
 from studies.command_line.main import run as run_command
 from studies.comparison.summary import summarise, to_json
-from studies.core.collection import find_study
-from studies.core.controllers import is_hosted
-from studies.core.job import Job, simulate_job
+from studies.core.job import Job, is_hosted, simulate_job
 from studies.core.statement import VERDICTS, Statement
-from studies.core.union import MEASURED
+from studies.core.store import MEASURED
+from studies.core.study import find_study
 from studies.logs.simulated import write_log
 from studies.scenario.loading import load_scenario, shipped_scenarios
 from studies.slides.ensemble_study import Effort
@@ -59,6 +58,7 @@ from tests.studies.resistance_tables import resistance_table
 from tests.studies.sander_tables import sander_table
 from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
+from tests.studies.test_patent_in_stops import braking_table, printed_table
 
 PARTS = ("studies", "runs", "figures", "reports")
 STORED = Path(__file__).with_name("results_hash.json")
@@ -81,6 +81,8 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "claims": (2, {"duration": 4.0}),
     "differences": (12, {"duration": 2.5}),
     "learning": (4, {"duration": 4.0}),
+    "braking": (2, {"duration": 6.0}),
+    "printed": (1, {}),
     "ladder": (2, {"duration": 4.0}),
     "curves": (1, {"duration": 4.0}),
     "published": (1, {"duration": 4.0}),
@@ -106,6 +108,8 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
 SYNTHETIC: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "claims": ("claims", claim_table),
     "differences": ("differences", difference_table),
+    "braking": ("braking", braking_table),
+    "printed": ("printed", printed_table),
     "ladder": ("ladder", ladder_table),
     "curves": ("curves", curve_table),
     "mismatch": ("mismatch", mismatch_table),

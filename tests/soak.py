@@ -35,17 +35,16 @@ from distributed import LocalCluster
 
 from alloc.recording import load
 from alloc.sources import ASIDE
-from studies.core.collection import find_study
 from studies.core.interruption import listen
-from studies.core.store import ROWS, Store
-from studies.core.union import MEASURED, _differences
+from studies.core.store import MEASURED, ROWS, Store, _differences
+from studies.core.study import find_study
 from tests.studies.conftest import SHORT
 
 MARK = "READHESION_SOAK"
 """Environment variable of all processes of a command; its value names the command."""
 ENTRY = "from studies.command_line.__main__ import main; main()"
 NO_FORK = (
-    "import sys, types, studies.core.workers as w; "
+    "import sys, types, studies.core.run as w; "
     f"w.sys = types.SimpleNamespace(platform='other', stderr=sys.stderr); {ENTRY}"
 )
 """The command as on a system whose workers are not forks."""

@@ -12,13 +12,11 @@ from typing import Any
 
 import pandas as pd
 
-from studies.comparison.defaults import make_grid
-from studies.comparison.grid import Grid
-from studies.comparison.summary import summarise, to_json
-from studies.core.collection import find_study, study_folder
-from studies.core.runner import run_cells
+from studies.comparison.summary import Grid, make_grid, summarise, to_json
+from studies.core.run import run_cells
 from studies.core.statement import column_interval
 from studies.core.store import Store
+from studies.core.study import find_study, study_folder
 from studies.scenario.loading import default_scenarios, load_scenario
 from tests.numbers import OVER_ROWS, Source
 

@@ -18,7 +18,7 @@ from alloc.rules.problem import CASE_B, allocation
 from alloc.simulation import CONTROLLERS
 from paper_figs.drawing import FIGURES
 from studies.core.statement import Interval, Statement
-from studies.railtoolkit.records import RunningPath, sections
+from studies.railtoolkit.vehicles import RunningPath, sections
 from studies.scenario.loading import load_scenario
 
 

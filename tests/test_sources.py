@@ -8,7 +8,7 @@ import pytest
 
 from alloc import sources
 from alloc.sources import closure, code_hash, path_of
-from studies.core.collection import all_studies
+from studies.core.study import all_studies
 
 FILES = {
     "pack/__init__.py": '"""A package."""\n\nVERSION = 1\n',

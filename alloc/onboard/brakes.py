@@ -80,7 +80,7 @@ class Fuzzy:
     JP4209318 discloses neither rules nor sets. These are one of several sets of numbers with which
     `studies.slides.jp4209318` reaches its tables.
 
-    Source: JP4209318; one of the sets of `studies.slides.ensemble`.
+    Source: JP4209318; one of the sets of `studies.slides.ensemble_study`.
     """
 
     sensitivity: float = quantity(SENSITIVITIES["medium"], "1", SENSITIVITIES)

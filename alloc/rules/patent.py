@@ -67,9 +67,25 @@ RULES.register("greedy", GREEDY)
 
 GREEDY_LITERAL = replace(
     GREEDY, name="greedy-literal", trigger=Trigger.SLIP, colour="#551c8e", marker="d",
-    description="greedy asked as JP5484215 is printed: at the foremost unit's slip, held, lifted at once",
+    description="greedy by the steps of JP5484215: at the foremost unit's slip, held, lifted at once; corrected equations",
 )  # fmt: skip
+"""The steps of Fig. 7 to 9 as the patent has them, on equipment that deviates from the text in `PRINTED`."""
 RULES.register("greedy-literal", GREEDY_LITERAL)
+
+PRINTED = {
+    "detector.speed_on": 600.0 / 3.6,
+    "inertia_in_limit": False,
+    "braking.inertia_in_estimate": False,
+    "braking.air_force": "command",
+}
+"""The four deviations of the equipment taken back: Fig. 5 tests the acceleration alone, so no slip velocity counts as slip;
+(6) is without the wheelsets' inertia, and so is (18); (18) and par. 0071 have the command of the air brake for its force."""
+
+GREEDY_PRINTED = replace(
+    GREEDY_LITERAL, name="greedy-printed", onboard=PRINTED, colour="#000040", marker="8",
+    description="greedy with every equation and test of JP5484215 as printed: Fig. 5, (6) and (18) too",
+)  # fmt: skip
+RULES.register("greedy-printed", GREEDY_PRINTED)
 
 HOLD_TIME = 5.0
 """Time [s] for which a detection counts; par. 0036 calls it "a certain time" and lifts the limits at its end at once.

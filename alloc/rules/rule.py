@@ -190,8 +190,8 @@ def plan(problem: AllocationProblem) -> Allocation:
 RULES: Registry[Rule] = Registry(
     "rule", "readhesion.rules", AllocationError, "alloc.rules",
     (
-        "alone", "preset", "sharing", "greedy", "greedy-literal", "greedy-tuned", "greedy-claim", "exact", "qp", "qp-cvxpy",
-        "qp-robust", "cooperative", "oracle",
+        "alone", "preset", "sharing", "greedy", "greedy-printed", "greedy-literal", "greedy-tuned", "greedy-claim", "exact",
+        "qp", "qp-cvxpy", "qp-robust", "cooperative", "oracle",
     ),
 )  # fmt: skip
 """Every rule by name: those of the prior art, the patent's, exact ones, and the one that knows the truth."""

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from studies.command_line.options import ALL_FAILED, FilePath, command_of, said
-from studies.command_line.terminal import console, progress
+from studies.command_line.options import ALL_FAILED, FilePath, command_of, console, progress, said
 from studies.files.study_error import StudyError
 from studies.files.writable import FIGURE, check_file, check_place, make_folder
 

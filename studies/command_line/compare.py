@@ -1,5 +1,6 @@
 """`readhesion compare`: rules and controllers over the same slip events."""
 
+import json
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,18 +10,26 @@ from cyclopts import Parameter
 from studies.command_line.options import (
     ALL_FAILED,
     EVERYTHING,
+    GREATEST_SEED,
+    MOST_EVENTS,
     MOST_SEEDS,
     FilePath,
     Names,
+    Settings,
     Whole,
     Work,
     check_whole,
     command_of,
+    console,
+    counted,
+    of_shard,
     process_count,
+    progress,
     said,
+    settings_of,
     split_names,
-)  # fmt: skip
-from studies.command_line.terminal import console, counted, of_shard, progress
+)
+from studies.files.study_error import StudyError
 from studies.files.writable import check_place
 
 if TYPE_CHECKING:
@@ -77,12 +86,10 @@ def compare(
     """
     from alloc.recording import provenance
     from alloc.sources import code_hash
-    from studies.comparison.defaults import DEFAULT_SEEDS, KEPT_RUNS, make_grid
-    from studies.comparison.summary import summarise, to_json
+    from studies.comparison.summary import DEFAULT_SEEDS, KEPT_RUNS, make_grid, summarise, to_json
     from studies.comparison.table import tables
     from studies.core.own_parts import try_parts
-    from studies.core.runner import run_cells
-    from studies.core.shard import read_shard
+    from studies.core.run import read_shard, run_cells
     from studies.core.store import Store
 
     shard = read_shard(work.shard)
@@ -131,7 +138,7 @@ def compare(
 
 
 def _scenarios(names: list[str] | None, line: str | None, train: str | None) -> "list[Scenario]":
-    from studies.lines.real_input import with_real_input
+    from studies.lines.named_files import with_real_input
     from studies.scenario.loading import default_scenarios, load_scenario
 
     real = line is not None or train is not None
@@ -141,3 +148,101 @@ def _scenarios(names: list[str] | None, line: str | None, train: str | None) -> 
         names = ["gradient-start"]
     chosen = [load_scenario(name) for name in dict.fromkeys(names)]
     return [with_real_input(item, line, train) for item in chosen] if real else chosen
+
+
+# `readhesion sweep`: one question over many random events.
+
+
+def sweep(
+    name: str,
+    *,
+    events: Whole | None = None,
+    out: FilePath = Path("results"),
+    seed: Whole = 0,
+    work: Work = EVERYTHING,
+    as_json: Annotated[bool, Parameter("--json", negative=())] = False,
+    **own: Settings,
+) -> int:
+    """Ask one question over many random events, and state what the answer is.
+
+    Rows that the output folder already holds are not run again. The exit code is 1 if no run is ok.
+
+    Parameters
+    ----------
+    name
+        Sweep; `readhesion list` names them.
+    events
+        Number of random events [default: the sweep's own]; more of them extend fewer.
+    out
+        Folder of results; the sweep's table (parquet) goes to sweeps/NAME in it.
+    seed
+        Seed of the events, 0 or greater.
+    as_json
+        Print JSON instead of text.
+    own
+        Options of the sweep itself, by the arguments of its cells: `readhesion list` names them.
+    """
+    from studies.core.run import read_shard
+    from studies.core.statement_report import about, frozen_words, printed, rows_of, shown_rows
+    from studies.core.study import find_study, study_folder
+
+    chosen = find_study(name)
+    count = chosen.default_events if events is None else events
+    check_whole("--events", count, 1, MOST_EVENTS)
+    check_whole("--seed", seed, 0, GREATEST_SEED)
+    settings = settings_of(chosen, own)
+    shard = read_shard(work.shard)
+    check_place(out, of_results=True)
+    folder = study_folder(out, name)
+    with work.workers() as workers, progress() as on_row:
+        table = chosen.run(folder, count, seed, workers, on_row, shard=shard, **settings)
+    failed = int((table["status"] != "ok").sum()) if "status" in table else 0
+    all_failed = failed == len(table) > 0
+    found = [] if all_failed or work.shard else chosen.statements(table)
+    if as_json:
+        content = about(chosen, count, seed, folder, len(table), failed, **settings) | {
+            "shard": work.shard
+        }
+        content["statements"] = [statement.content() for statement in found]
+        if chosen.shown:
+            content["rows"] = rows_of(table)
+        print(json.dumps(content, indent=2, allow_nan=False))
+    else:
+        screen = console()
+        if chosen.shown:
+            screen.print(shown_rows(table, chosen.shown))
+        for item in printed(found):
+            screen.print(item)
+        if words := frozen_words(chosen, folder, seed, **settings):
+            screen.print(words)
+        screen.print(f"{counted(table, 'rows')}{of_shard(work)}; tables in {folder}")
+    return ALL_FAILED if all_failed else 0
+
+
+# `readhesion merge`: results of several folders into one.
+
+
+def merge(*folders: FilePath, out: FilePath) -> None:
+    """Unite tables and recorded runs of several folders, such as those of `--shard`, in one.
+
+    Then run the same command on the united folder, without --shard: it computes nothing again and
+    states the result. Where rows of the same run differ, a warning names the run, and the rows
+    added later count.
+
+    Parameters
+    ----------
+    folders
+        Folders that earlier commands wrote to with --out.
+    out
+        Folder for the united results; it may be one of the given folders.
+    """
+    if not folders:
+        raise StudyError("merge: give the folders to unite")
+    check_place(out)
+    for folder in folders:
+        if not Path(folder).is_dir():
+            raise StudyError(f"folder {str(folder)!r} does not exist")
+    from studies.core.store import unite
+
+    counts = unite(folders, out)
+    console().print(f"{out} holds {counts.cells} cells and {counts.runs} recorded runs")

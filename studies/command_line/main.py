@@ -11,19 +11,11 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from studies.command_line.analyse import analyse
-from studies.command_line.check import check
-from studies.command_line.cite import cite
-from studies.command_line.compare import compare
-from studies.command_line.export_controller import export_controller
-from studies.command_line.figures import figures
-from studies.command_line.list import list_names
-from studies.command_line.merge import merge
-from studies.command_line.new_scenario import new_scenario
+from studies.command_line.compare import compare, merge, sweep
+from studies.command_line.list import check, list_names, new_scenario, schema
 from studies.command_line.run_line import run_line
-from studies.command_line.schema import schema
 from studies.command_line.simulate import simulate
-from studies.command_line.sweep import sweep
-from studies.command_line.write_report import write_report
+from studies.command_line.write_report import cite, export_controller, figures, write_report
 from studies.files.study_error import StudyError
 
 FAILED = 1

@@ -2,7 +2,8 @@
 
 import os
 import shlex
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +11,16 @@ from types import UnionType
 from typing import TYPE_CHECKING, Annotated, Literal, get_args, get_origin
 
 from cyclopts import Parameter, Token
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from studies.files.study_error import StudyError
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from studies.core.run import Workers
     from studies.core.study import Study
-    from studies.core.workers import Workers
 
 
 def _whole(_: type, tokens: Sequence[Token]) -> int:
@@ -114,7 +119,7 @@ class Work:
 
     def workers(self) -> "AbstractContextManager[Workers | None]":
         """The workers, for the whole command; raises `StudyError` where there are none or the options do not fit."""
-        from studies.core.workers import cluster, workers
+        from studies.core.run import cluster, workers
 
         if self.executor == "local":
             if self.scheduler is not None:
@@ -158,3 +163,61 @@ def settings_of(study: "Study", given: Mapping[str, Sequence[str]]) -> dict[str,
             what = error.errors()[0]["msg"]
             raise StudyError(f"--{option} {' '.join(words)}: {what[0].lower()}{what[1:]}") from None
     return found
+
+
+# What a person at a terminal sees: console and progress bar.
+
+PLAIN_WIDTH = 170
+"""Width of tables that do not go to a terminal."""
+
+
+class _Terminal(Console):
+    """A console whose reader may leave early, as `head` does."""
+
+    def on_broken_pipe(self) -> None:
+        """Let the command end by the error, see `studies.command_line.main.run`."""
+        raise
+
+
+def console() -> Console:
+    """Where tables are printed: as wide as the terminal, or `PLAIN_WIDTH` where there is none."""
+    found = _Terminal()
+    return found if found.is_terminal else _Terminal(width=PLAIN_WIDTH)
+
+
+def counted(table: "pd.DataFrame", what: str) -> str:
+    """How many rows a table has, called `what`, and how many have another status than "ok"."""
+    counts = Counter(table.get("status", ()))
+    bad = [f", [red]{n} {status}[/red]" for status, n in counts.items() if status != "ok"]
+    return "".join([f"{len(table)} {what}", *bad])
+
+
+def of_shard(work: "Work") -> str:
+    """Which share of the events was run, and what makes a whole of them; nothing where it is the whole."""
+    return f" of shard {work.shard}; `readhesion merge` unites the shards" if work.shard else ""
+
+
+class progress:
+    """Progress bar on stderr; gives the function that is told of each finished row."""
+
+    def __enter__(self) -> Callable[[str, int, int], None]:
+        terminal = _Terminal(stderr=True)
+        self.bar = Progress(
+            TextColumn("[progress.description]{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            console=terminal,
+            transient=True,
+            disable=not terminal.is_terminal,
+        )
+        self.bar.start()
+        self.task = self.bar.add_task("starting", total=None)
+
+        def on_row(label: str, done: int, total: int) -> None:
+            self.bar.update(self.task, description=label, completed=done, total=total)
+
+        return on_row
+
+    def __exit__(self, *_: object) -> None:
+        self.bar.stop()

@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from studies.command_line.options import FilePath, Names, command_of, said, split_names
-from studies.command_line.terminal import console, progress
+from studies.command_line.options import (
+    FilePath,
+    Names,
+    command_of,
+    console,
+    progress,
+    said,
+    split_names,
+)
 from studies.files.study_error import FileWarning, StudyError
 from studies.files.writable import FIGURE, RUN, check_file
 
@@ -63,8 +70,8 @@ def run_line(
     from alloc.recording import save
     from alloc.sources import write_whole
     from studies.lines import line_run
-    from studies.lines.driving_style import DrivingStyle, with_stops
     from studies.lines.named_files import find_line, find_stock
+    from studies.lines.speed_profile import DrivingStyle, with_stops
 
     if not 0.0 <= load <= 1.0:
         raise StudyError(f"--load {load:g}: give a share of the load limit, 0 to 1")

@@ -8,8 +8,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from studies.command_line.options import GREATEST_SEED, FilePath, Whole, check_whole, command_of
-from studies.command_line.terminal import console
+from studies.command_line.options import (
+    GREATEST_SEED,
+    FilePath,
+    Whole,
+    check_whole,
+    command_of,
+    console,
+)
 from studies.files.writable import LOG, MOVING_FIGURE, RUN, check_file
 
 
@@ -51,7 +57,7 @@ def simulate(
     from alloc.metrics import METRICS, evaluate
     from alloc.recording import save
     from alloc.sources import write_whole
-    from studies.comparison.defaults import check_names
+    from studies.comparison.summary import check_names
     from studies.core.job import Job, simulate_job
     from studies.core.own_parts import try_parts
     from studies.logs.simulated import train_beside, write_log

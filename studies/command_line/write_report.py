@@ -1,6 +1,12 @@
 """`readhesion report`: a comparison as one HTML file that opens offline."""
 
+import json
+import sys
+from functools import partial
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from studies.command_line.options import (
     ALL_FAILED,
@@ -10,11 +16,22 @@ from studies.command_line.options import (
     Whole,
     check_whole,
     command_of,
+    console,
+    counted,
     process_count,
+    progress,
     split_names,
-)  # fmt: skip
-from studies.command_line.terminal import console, counted, progress
-from studies.files.writable import PAGE, check_file, check_place
+)
+from studies.comparison.summary import Grid
+from studies.core.cell import OnRow
+from studies.core.own_parts import try_parts
+from studies.core.run import Workers, run_cells
+from studies.core.store import Store
+from studies.files.study_error import StudyError
+from studies.files.writable import PAGE, check_file, check_place, make_folder
+from studies.report.answer import drawn_gains, gains_of
+from studies.report.page import Material
+from studies.report.replay import ReplayCell, replays_of
 
 
 def write_report(
@@ -50,9 +67,8 @@ def write_report(
         Number of processes [default: one per core].
     """
     from alloc.sources import write_whole
-    from studies.comparison.defaults import make_grid
-    from studies.core.workers import workers
-    from studies.report.gathering import gather
+    from studies.comparison.summary import make_grid
+    from studies.core.run import workers
     from studies.report.page import check_packages, rendered
     from studies.scenario.loading import default_scenarios, load_scenario
 
@@ -81,3 +97,178 @@ def write_report(
         f"{counted(material.table, 'runs')}, {len(material.replays)} replays, {size:.1f} MB: {out}"
     )
     return 0 if (material.table["status"] == "ok").any() else ALL_FAILED
+
+
+# `readhesion figures`: draw figures, each with its caption and its data.
+
+
+def figures(
+    *names: str,
+    out: FilePath = Path("figures"),
+    results: FilePath = Path("results"),
+    jobs: Whole | None = None,
+) -> None:
+    """Draw figures as PDF and PNG, with the caption (txt) and the numbers drawn (CSV) beside each.
+
+    A figure from fewer events than its study has by default is marked as a draft. The
+    draft, its caption and the terminal name the command that gives the full data.
+
+    Parameters
+    ----------
+    names
+        Figures to draw [default: all]; `readhesion list` names them.
+    out
+        Folder for the figures.
+    results
+        Folder of a comparison; what the figures need and it lacks is run first.
+    jobs
+        Number of processes for that [default: one per core].
+    """
+    from studies.core.gallery import gallery
+
+    count = process_count(jobs)
+    check_place(out, "figure")
+    check_place(results, "results", "--results", of_results=True)
+    with progress() as on_row:
+        written = gallery().draw_figures(names, out, results, count, on_row)
+    for one in written:
+        for path in one.files:
+            print(path)
+    drafts = [one for one in written if one.draft]
+    for one in drafts:
+        print(f"{one.name} is a {one.draft}", file=sys.stderr)
+    if drafts and results != Path("results"):
+        print(f"in full: add --out {results} to these commands", file=sys.stderr)
+
+
+# `readhesion cite`: the documents that a run rests on, and which of its values have a source.
+
+
+def cite(
+    scenario: str,
+    *,
+    rule: str = "greedy",
+    controller: str = "cut-and-ramp",
+    as_json: Annotated[bool, Parameter("--json", negative=())] = False,
+) -> None:
+    """Print the documents that a run uses as BibTeX, and list which values are sourced or assumed.
+
+    A document counts as used where the source of a part of the run names it: of the rule, the
+    controller, the curve, the train, the scenario, and of what runs on board.
+
+    Parameters
+    ----------
+    scenario
+        Name of a shipped scenario or path of a TOML file.
+    rule
+        Allocation rule.
+    controller
+        Readhesion controller.
+    as_json
+        Print JSON instead of text.
+    """
+    from rich.markup import escape
+    from rich.table import Table
+
+    from studies.comparison.summary import check_names
+    from studies.report.run_parts import documents_of, values_of
+    from studies.scenario.loading import load_scenario
+
+    chosen = load_scenario(scenario)
+    check_names([rule], [controller])
+    path = Path(scenario)
+    own = path.read_text(encoding="utf-8").splitlines() if path.is_file() else None
+    used, values = documents_of(chosen, rule, controller), values_of(chosen, own)
+    if as_json:
+        content = {
+            "documents": [
+                {"key": one.document.key, "used_by": one.parts, "bibtex": one.document.bibtex}
+                for one in used
+            ],
+            "values": [one._asdict() for one in values],
+        }
+        print(json.dumps(content, indent=2))
+        return
+    for one in used:
+        print(f"% {', '.join(one.parts)}\n{one.document.bibtex}\n")
+    table = Table(title="[bold]values[/bold]", title_justify="left")
+    for column in ("of", "value", "", "what is said of it"):
+        table.add_column(column, overflow="fold")
+    for value in values:
+        table.add_row(*(escape(word) for word in value))
+    console().print(table)
+
+
+# `readhesion export-controller`: the readhesion MPC of one unit as an object file for C.
+
+
+def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str = "x86-64") -> None:
+    """Write the readhesion MPC of one unit for C: controller.o, controller.h, README, and what they were made from.
+
+    It is what the simulation runs, compiled for another processor: no allocation, no library but that of mathematics.
+
+    Parameters
+    ----------
+    scenario
+        Name of a shipped scenario or path of a TOML file, with the train and the settings `[onboard.mpc]`.
+    unit
+        Number of the traction unit, 1 = foremost.
+    out
+        Folder for the files.
+    target
+        Processor: x86-64, x86-64-v2, x86-64-v3, x86-64-v4 or aarch64. Higher levels are faster; only newer ones run them.
+    """
+    from alloc.onboard.equipment import equipment
+    from alloc.onboard.host import unit_contexts
+    from alloc.sources import write_whole
+    from studies.scenario.loading import load_scenario
+
+    chosen = load_scenario(scenario)
+    event = chosen.event()
+    units = event.model.layout.units
+    if units == 0:
+        raise StudyError(
+            f"scenario {chosen.name!r}: its train has no motors, so there is no controller to export"
+        )
+    check_whole("--unit", unit, 1, units)
+    check_place(out)
+    from mpc.export import export_unit
+
+    eq = equipment(event.model, event.onboard)
+    context = unit_contexts(event.model, eq, event.onboard, "mpc")[unit - 1]
+    made = export_unit(context, context.settings, target, f"unit {unit} of {chosen.name}")
+    make_folder(out)
+    for name, content in made.contents.items():
+        write_whole(out / name, partial(Path.write_bytes, data=content))
+    console().print(f"{out} holds the controller, of {made.memory} bytes of static memory")
+
+
+# All data of a page, from the results folder, or run where it lacks them.
+
+REPLAYS = "replays"
+"""Folder of the results in which what is replayed is kept."""
+
+
+def gather(
+    grid: Grid, results: Path, command: str, workers: Workers | None = None, on_row: OnRow | None = None
+) -> Material:  # fmt: skip
+    """The comparison and a replay of each of its lines on the first seed; runs that `results` lacks are made and stored."""
+    table = run_cells(
+        grid.jobs(),
+        Store(results),
+        workers,
+        on_row=on_row,
+        check=partial(try_parts, grid.rules, grid.controllers),
+    )
+    cells = wanted(grid)
+    rows = run_cells(cells, Store(results / REPLAYS), workers, on_row=on_row)
+    replays = replays_of(cells, rows)
+    controllers = (*grid.controllers, *grid.once)
+    gains = [*gains_of(table, replays), *drawn_gains(results, grid.rules, controllers)]
+    return Material(grid, table, replays, gains, command)
+
+
+def wanted(grid: Grid) -> list[ReplayCell]:
+    """Runs to replay: on the first seed, rule by rule, so that what a full page leaves out are whole rules."""
+    first = [job for job in grid.jobs() if job.seed == grid.seeds[0]]
+    return [ReplayCell(job) for job in sorted(first, key=lambda job: grid.rules.index(job.rule))]

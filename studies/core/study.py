@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
 from inspect import signature
 from itertools import chain
 from pathlib import Path
@@ -9,15 +11,14 @@ from typing import Any, NamedTuple, get_type_hints
 
 import pandas as pd
 
+import studies
 from alloc.display import displayed
 from studies.core.cell import Cell, OnRow, key_of
 from studies.core.claims import Claim, freeze
-from studies.core.runner import run_cells
-from studies.core.shard import ALL, Shard
+from studies.core.run import ALL, Jobs, Shard, run_cells, workers
 from studies.core.statement import Statement
 from studies.core.store import Store
-from studies.core.workers import Jobs, workers
-from studies.files.study_error import StudyError
+from studies.files.study_error import StudyError, unknown
 
 BLOCK = 5000
 """Number of events whose cells are in memory at once, 15 kB each."""
@@ -194,3 +195,48 @@ def _in_all(on_row: OnRow | None, block: Block) -> OnRow | None:
         on_row(label, before + done, every)
 
     return tell
+
+
+# The studies by name: every `Study` of a module named `study`, or after the study, in a folder of its topic.
+
+
+@cache
+def all_studies() -> dict[str, Study]:
+    """Every study by name, in alphabetical order."""
+    found: dict[str, Study] = {}
+    for module in _modules("*/study.py", "*/*_study.py"):
+        found |= _studies_of(module)
+    return dict(sorted(found.items()))
+
+
+def _modules(*patterns: str) -> list[str]:
+    """Names of the modules in folders of studies whose files are so called."""
+    return [
+        ".".join(("studies", *path.relative_to(root).with_suffix("").parts))
+        for root in map(Path, studies.__path__)
+        for pattern in patterns
+        for path in root.glob(pattern)
+    ]
+
+
+@cache
+def _studies_of(module: str) -> dict[str, Study]:
+    values = vars(import_module(module)).values()
+    return {one.name: one for one in values if isinstance(one, Study)}
+
+
+def find_study(name: str) -> Study:
+    """The study called `name`; raises `StudyError` with the nearest name for one that does not exist."""
+    own = name.replace("-", "_")
+    if own.isidentifier():  # importing the others takes a second
+        for module in _modules(f"{own}/study.py", f"*/{own}_study.py"):
+            if name in (known := _studies_of(module)):
+                return known[name]
+    if name not in all_studies():
+        raise unknown("sweep", name, all_studies())
+    return all_studies()[name]
+
+
+def study_folder(out: str | Path, name: str) -> Path:
+    """Folder of a study's table under the results' folder `out`."""
+    return Path(out) / "sweeps" / name

@@ -10,9 +10,8 @@ from studies.core.drawn_scenarios import START_SPEED, rail_offering
 from studies.core.job import Job
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 from studies.core.study import EachEvent, Study
-from studies.patent.claim_events import DURATION, draw, event_name
+from studies.patent.claim_events import DURATION, draw, event_name, measure
 from studies.patent.claim_events import scenario as claim_event
-from studies.patent.claim_measures import measure
 from studies.scenario.scenario import Scenario
 
 CURVES: dict[str, dict[str, Any]] = {

@@ -8,8 +8,7 @@ from studies.core.job import Job
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 from studies.core.study import EachEvent, Study
 from studies.ladder.curves_study import METRICS
-from studies.patent.claim_events import DURATION, event_name, scenario
-from studies.patent.claim_measures import measure
+from studies.patent.claim_events import DURATION, event_name, measure, scenario
 
 OPTIMUM = Arm("alone", "mpc-train-ideal")
 """One problem over all units every control period, with no telegram's delay: the optimum of its cost and its belief."""

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -14,13 +14,46 @@ from alloc.driving import drive
 from alloc.event import MOST_AXLE_RECORDS, longest_duration
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Rail
+from alloc.plant.train import Car, Train
 from studies.files.study_error import StudyError
-from studies.lines.distance_steps import run_by_distance
-from studies.lines.driving_style import FASTEST, DrivingStyle, Leg, legs
-from studies.lines.lumped_train import lumped
-from studies.lines.minimum_time import MinimumTimeDriver
-from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPath
-from studies.railtoolkit.vehicles import BRAKED_FALL
+from studies.lines.speed_profile import (
+    FASTEST,
+    DrivingStyle,
+    Leg,
+    MinimumTimeDriver,
+    legs,
+    run_by_distance,
+)
+from studies.railtoolkit.vehicles import BRAKED_FALL, PointOfInterest, RollingStock, RunningPath
+
+# A train with one wheelset under each car that does not drive, in place of all of them: for runs of hours.
+
+
+def lumped(train: Train) -> Train:
+    """The same train for a line run, whose wheels do not slip: masses, inertias and brake forces of each car are kept.
+
+    All wheelsets of a car that rolls have the same speed, so one wheelset represents them. Those of driving cars are
+    unchanged.
+    """
+    cars = tuple(car if car.motors else _on_one_wheelset(car) for car in train.cars)
+    return replace(train, cars=cars)
+
+
+def _on_one_wheelset(car: Car) -> Car:
+    brake, axles = car.air_brake, len(car.axle_positions)
+    if brake is not None:
+        brake = replace(brake, force_per_pascal=axles * brake.force_per_pascal, cut_out=())
+    return replace(
+        car,
+        axle_positions=(0.5 * car.length,),
+        bogie_of_axle=(0,),
+        wheel_inertia=(sum(car.wheel_inertia),),
+        driven=(False,),
+        air_brake=brake,
+        axle_load_share=None,
+        sanders=(),
+    )
+
 
 ADHESION = 0.5
 """Adhesion coefficient of the rail, assumed: the files do not state it, and their effort is meant to be within adhesion. Dry

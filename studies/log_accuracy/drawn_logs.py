@@ -23,8 +23,8 @@ from studies.logs.report import fit_remarks, withheld
 from studies.logs.simulated import log_table, rounded
 from studies.logs.train import MeasuredTrain
 from studies.scenario.loading import shipped_scenario
-from studies.stops.acceptance_stops import CURVES, stop_of
 from studies.stops.blended_events import scenario as drawn_stop
+from studies.stops.wsp_acceptance_study import CURVES, stop_of
 
 STREAM = 41
 """Number that distinguishes the draws from those of other studies."""

@@ -15,7 +15,7 @@ from alloc.plant.model import structure_of
 from alloc.plant.train import Train
 from alloc.sources import write_whole
 from studies.files.strict import Strict, parse, read_toml
-from studies.scenario.train_keys import CouplerKeys
+from studies.scenario.train_file import CouplerKeys
 
 Floats = NDArray[np.float64]
 
@@ -142,7 +142,7 @@ def read_log_train(name_or_path: str) -> MeasuredTrain:
 
     Raises `StudyError` or `PlantError` naming the file, the key and the reason.
     """
-    from studies.scenario.train_keys import build_train
+    from studies.scenario.train_file import build_train
 
     if name_or_path.endswith(".toml"):
         data = read_toml(name_or_path, "train", "`readhesion list` names the shipped trains")

@@ -10,12 +10,22 @@ from studies.core.drawn_events import COMPARED, Arm, complete, paired
 from studies.core.job import Job
 from studies.core.statement import INTERVALS_OF_MEANS, Statement, in_words
 from studies.core.study import EachEvent, Study
-from studies.patent.claim_events import BELIEVED_SLOPE, DURATION, EVENTS, QUANTITIES, scenario
-from studies.patent.claim_measures import EXCESS_EDGES, RANGES, excess_column, measure
+from studies.patent.claim_events import (
+    BELIEVED_SLOPE,
+    DURATION,
+    EVENTS,
+    EXCESS_EDGES,
+    QUANTITIES,
+    RANGES,
+    excess_column,
+    measure,
+    scenario,
+)
 
-LAYERS = ("greedy-literal", "greedy-tuned", "greedy", "cooperative")
-"""The patent judged in four layers: as printed, called at the foremost unit's slip; at its best within its words; its caps
-and its level on what all units report; its idea, that the rear makes up for the front, on what each unit finds itself."""
+LAYERS = ("greedy-printed", "greedy-literal", "greedy-tuned", "greedy", "cooperative")
+"""The patent judged in five layers: every equation as printed; its steps with corrected equations; at its best within its
+words; its caps and level on what all units report; its idea, that the rear makes up for the front, on what each unit
+finds."""
 ARMS = tuple(Arm(rule, controller) for controller in COMPARED for rule in LAYERS)
 """Rules under their controllers of which the patent's claims are claims: each claim of each is one of the family."""
 

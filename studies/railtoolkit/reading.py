@@ -9,13 +9,22 @@ from typing import Any
 import yaml
 
 from alloc.plant.train import Train
-from studies.files.limits import DEEPEST, limits, too_large
-from studies.files.small_file import small_text
+from studies.files.limits import DEEPEST, limits, small_text, too_large
 from studies.files.strict import parse, warn_of_unknown
 from studies.files.study_error import FileWarning, StudyError, unknown
-from studies.railtoolkit.keys import VERSIONS, NamedPathFile, PathFile, StockFile, VehicleKeys
-from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPath, sections
-from studies.railtoolkit.vehicles import build_formation, default_deceleration
+from studies.railtoolkit.vehicles import (
+    VERSIONS,
+    NamedPathFile,
+    PathFile,
+    PointOfInterest,
+    RollingStock,
+    RunningPath,
+    StockFile,
+    VehicleKeys,
+    build_formation,
+    default_deceleration,
+    sections,
+)
 
 RUNNING_PATH = "https://railtoolkit.org/schema/running-path.json"
 LONGEST_NUMBER = 300

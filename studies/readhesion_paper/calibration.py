@@ -2,22 +2,29 @@
 
 Unknown are mu_inf/mu_max, T_u, T_d, tau and whether a_0 and a_w are km/h/s or m/s2. Sets are drawn by a Latin hypercube over
 wide ranges, then around the best of them, and the simplex method refines these. The objective is the sum of the misfits of
-`studies.readhesion_paper.findings`. The sets found in this way are close to the best set. Walkers (`studies.core.walkers`)
-then continue from there, in each unit, wherever as many findings are met, so that the sets cover what the paper leaves open.
+`studies.readhesion_paper.findings`. The sets found in this way are close to the best set. Walkers
+(`studies.core.calibration`) then continue from there, in each unit, wherever as many findings are met, so that the sets
+cover what the paper leaves open.
 """
 
+import argparse
 import math
+import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import norm, qmc
 
+from alloc.metrics.search import LimitSearch, limit_coefficient
+from studies.core.calibration import needed, walk
 from studies.core.cell import Task
-from studies.core.walkers import needed, walk
+from studies.core.study import study_folder
 from studies.readhesion_paper.findings import (
     CLAIMS,
     Finding,
@@ -30,12 +37,170 @@ from studies.readhesion_paper.paper import (
     CALIBRATED,
     CASE_A,
     CASE_B,
+    PAPER_LIMITS,
+    PAPER_MARGINS,
+    PAPER_WIDTHS,
     RIVAL,
+    STEP,
     UNITS,
+    Case,
+    Unit,
     Unprinted,
+    assess,
     run_cases,
 )
-from studies.readhesion_paper.sensitivity import Cases, grid_tables, search_limits
+
+# The ensemble of the readhesion paper's calibration: sets that meet as many findings as any, in both units of a_0 and
+# a_w.
+#
+# `members.csv` holds what `readhesion sweep calibration` found; `python -m studies.readhesion_paper.calibration` writes it
+# again.
+
+FILE = Path(__file__).with_name("members.csv")
+COLUMNS = ("residual_ratio", "rise", "fall", "time_constant", "unit")
+
+
+def _sets(unit: Unit) -> tuple[Unprinted, ...]:
+    table = pd.read_csv(FILE, dtype=str)
+    found = []
+    for row in table.loc[table["unit"] == unit, list(COLUMNS[:-1])].to_numpy():
+        residual_ratio, rise, fall, time_constant = (float(value) for value in row)
+        found.append(Unprinted(residual_ratio, rise, fall, time_constant, unit))
+    return tuple(found)
+
+
+MEMBERS: dict[Unit, tuple[Unprinted, ...]] = {unit: _sets(unit) for unit in UNITS}
+"""Sets by unit; the first of each is the one that figures draw."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the members from the table of the calibration, whose missing rows are run first."""
+    from studies.readhesion_paper.calibration_study import CALIBRATION
+
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--results", type=Path, default=Path("results"))
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=joblib.cpu_count())
+    parser.add_argument("--out", type=Path, default=FILE)
+    given = parser.parse_args(arguments)
+    folder = study_folder(given.results, CALIBRATION.name)
+    table = CALIBRATION.run(folder, CALIBRATION.default_events, given.seed, given.jobs)
+    # those tried because they are in use come first
+    order = table["stage"].map({"shipped": 0, "assumed": 1}).fillna(2)
+    ordered = table.loc[order.sort_values(kind="stable").index]
+    parts = [members(ordered, unit) for unit in UNITS]
+    pd.concat(parts)[list(COLUMNS)].to_csv(given.out, index=False)
+    print(", ".join(f"{unit}: {len(part)} sets" for unit, part in zip(UNITS, parts, strict=True)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
+
+
+# The readhesion paper's sensitivity grid (section 3.3): mu_lim by 0.01, then by 0.002 near the limit, then bisection.
+
+FINE_STEP = 0.002
+"""Step of mu_lim near the limit, section 3.3."""
+TOLERANCE = 5e-4
+"""To which the limit adhesion coefficient is searched for."""
+
+
+class Cases:
+    """Indices of the requested cases; each is run once."""
+
+    def __init__(
+        self,
+        unprinted: Unprinted,
+        jobs: int = 1,
+        step: float = STEP,
+        top_curvature: float | None = None,
+    ) -> None:
+        self._how = (unprinted, jobs, step, top_curvature)
+        self._rows: dict[Case, int] = {}
+        self.table = pd.DataFrame(columns=list(Case._fields))
+        """A row per case, as `assess` gives it, in the order in which they were run."""
+
+    def rows(self, cases: Sequence[Case]) -> pd.DataFrame:
+        """Rows of these cases, in their order."""
+        # rounded: a coefficient reached by other sums is the same case
+        keys = [Case._make(round(float(value), 9) for value in case) for case in cases]
+        missing = [key for key in dict.fromkeys(keys) if key not in self._rows]
+        if missing:
+            new = assess(self._how[0], missing, *self._how[1:])
+            self._rows.update({key: len(self._rows) + k for k, key in enumerate(missing)})
+            self.table = pd.concat([self.table, new], ignore_index=True) if len(self.table) else new
+        return self.table.iloc[[self._rows[key] for key in keys]]
+
+
+def grid_tables(
+    margins: Sequence[float] = PAPER_MARGINS, widths: Sequence[float] = PAPER_WIDTHS
+) -> list[tuple[float, float]]:
+    """(a_0, a_w) of the grid: every a_0 at the a_w of case A, every a_w at its a_0, once each."""
+    pairs = [(margin, CASE_A.width) for margin in margins]
+    return list(dict.fromkeys(pairs + [(CASE_A.margin, width) for width in widths]))
+
+
+def search_limits(
+    cases: Cases, tables: Sequence[tuple[float, float]], tolerance: float = FINE_STEP
+) -> LimitSearch:
+    """Limit adhesion coefficient of each (a_0, a_w): the paper's grid, its fine step, then bisection to `tolerance`.
+
+    Every case on the way stays in `cases.table`.
+    """
+
+    def possible(search: NDArray[np.int64], limit: NDArray[np.float64]) -> NDArray[np.bool_]:
+        asked = [Case(tables[k][0], tables[k][1], mu) for k, mu in zip(search, limit, strict=True)]
+        return cases.rows(asked)["possible"].to_numpy(dtype=bool)
+
+    low, high = min(PAPER_LIMITS), max(PAPER_LIMITS)
+    coarse = (high - low) / (len(PAPER_LIMITS) - 1)
+    found = limit_coefficient(possible, len(tables), low, high, coarse, len(PAPER_LIMITS) - 2)
+    limit, fails_at, monotone = found.limit.copy(), found.fails_at.copy(), found.monotone.copy()
+    within = np.flatnonzero(np.isfinite(fails_at))
+    fine = round(coarse / FINE_STEP) - 1
+    for points, width in ((fine, FINE_STEP), (1, tolerance)):
+        if within.size == 0 or width > np.max((limit - fails_at)[within]) - 1e-9:
+            continue
+        found = limit_coefficient(
+            lambda search, limit: possible(within[search], limit),
+            within.size, fails_at[within], limit[within], width, points,
+        )  # fmt: skip
+        limit[within], fails_at[within] = found.limit, found.fails_at
+        monotone[within] &= found.monotone
+    return LimitSearch(limit, fails_at, monotone)
+
+
+def searched_rows(
+    unprinted: Unprinted,
+    margins: Sequence[float],
+    widths: Sequence[float],
+    step: float,
+    curvature: float | None,
+) -> list[dict[str, Any]]:
+    """Part "indices": rows of `studies.readhesion_paper.paper.assess`; part "limit": limit coefficients.
+
+    `fails_at`: greatest mu_lim tried below the limit without readhesion; `monotone`: whether all above it readhere.
+    """
+    tables = grid_tables(margins, widths)
+    cases = Cases(unprinted, 1, step, curvature)
+    found = search_limits(cases, tables, TOLERANCE)
+    limits = pd.DataFrame(tables, columns=["margin", "width"]).assign(
+        part="limit", limit_coefficient=found.limit, fails_at=found.fails_at, monotone=found.monotone
+    )  # fmt: skip
+    rows = [*cases.table.assign(part="indices").to_dict("records"), *limits.to_dict("records")]
+    return [{str(name): value for name, value in row.items()} for row in rows]
+
+
+def case_rows(unprinted: Unprinted, step: float) -> list[dict[str, Any]]:
+    """A row per number of every finding of cases A and B."""
+    findings = case_findings(run_cases(unprinted, [CASE_A, CASE_B], step=step))
+    return [
+        {"finding": name, "met": finding.met, "quantity": quantity, "value": value}
+        for name, finding in findings.items()
+        for quantity, value in (finding.numbers or {"": np.nan}).items()
+    ]
+
 
 DEFAULT_SAMPLES = 300
 WIDE_SHARE = 0.5

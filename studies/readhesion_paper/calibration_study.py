@@ -6,8 +6,8 @@ from typing import Any
 
 import pandas as pd
 
+from studies.core.calibration import RANGE, median_of
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, conjunction
-from studies.core.ensemble_range import RANGE, median_of
 from studies.core.statement import Interval, Statement, in_words, unmet
 from studies.core.study import Study
 from studies.readhesion_paper.calibration import (

@@ -1,13 +1,32 @@
 """The answer that a page begins with: how each rule stands against `alone` over all events, and in which it is better."""
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from statistics import fmean
+from typing import Any
 
+import pandas as pd
+
+from alloc.metrics import METRICS
 from alloc.rules import RULES
-from studies.comparison.summary import REFERENCE, SummaryLine
-from studies.patent.headroom_study import BOUND, WORTH_SHARING
+from studies.comparison.summary import NO_MEAN, REFERENCE, RULE_CALL_TIME, SummaryLine, plus_minus
+from studies.comparison.table import COLUMNS, Column, applies, tells
+from studies.core.drawn_events import complete
+from studies.core.statement import Interval
+from studies.core.store import ROWS
+from studies.core.study import study_folder
+from studies.patent.headroom_study import (
+    BASE,
+    BOUND,
+    HEADROOM,
+    WORTH_SHARING,
+    gain,
+    pairs_of,
+    rules_of,
+)
+from studies.report.replay import Replay
 
 GAIN = "effort_ratio"
 """What a rule is for: effort over plan."""
@@ -191,3 +210,175 @@ def _controllers(lines: Sequence[SummaryLine]) -> list[str]:
         for controller, values in reached.items()
     ]
     return [f"For scale: {REFERENCE} delivers {', '.join(parts)} of the planned effort."]
+
+
+# What each rule gains over `alone` in each event, by how much there is to gain, measured as in the study `headroom`.
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A rule in an event; shares of the plan, effort counting up to the plan at most."""
+
+    scenario: str
+    rule: str
+    controller: str
+    headroom: float
+    """What only sharing can reach, read under the rule `oracle` if it was run, else under `alone`."""
+    gain: float
+    """Delivered more than under `alone`."""
+    drawn: bool = False
+    """Whether it is a random event of the stored study."""
+
+
+def gains_of(table: pd.DataFrame, replays: Sequence[Replay]) -> list[Gain]:
+    """Gains in the replayed events, from the runs and, for headroom, from the rows of the same seed."""
+    use = {one.label: one.plan_use for one in replays if one.status == "ok"}
+    good = table[table["status"] == "ok"]
+    keys = zip(good["scenario"], good["controller"], good["seed"], good["rule"], good["headroom"], strict=True)  # fmt: skip
+    room: dict[tuple[str, str, int], dict[str, float]] = {}
+    for scenario, controller, seed, rule, value in keys:
+        room.setdefault((scenario, controller, seed), {})[rule] = float(value)
+    found = []
+    for (scenario, controller, seed), by_rule in room.items():
+        base = use.get(f"{scenario}/{BASE}/{controller}/{seed}", math.nan)
+        there = by_rule.get(BOUND, by_rule.get(BASE, math.nan))
+        for rule in by_rule:
+            own = use.get(f"{scenario}/{rule}/{controller}/{seed}", math.nan)
+            if rule != BASE and math.isfinite(own - base) and math.isfinite(there):
+                found.append(Gain(scenario, rule, controller, there, own - base))
+    return found
+
+
+def drawn_gains(results: Path, rules: Sequence[str], controllers: Sequence[str]) -> list[Gain]:
+    """Gains in the random events of the study `headroom` that `results` holds under the present code; nothing is run."""
+    folder = study_folder(results, HEADROOM.name)
+    if not (folder / ROWS).is_dir():
+        return []
+    held = HEADROOM.held(folder)
+    if not held:
+        return []
+    table = complete(HEADROOM.run(folder, held))
+    found = []
+    for controller in [one for one in controllers if (table["controller"] == one).any()]:
+        events = pairs_of(table, controller)
+        for rule in [one for one in rules_of(events) if one in rules and one != BASE]:
+            pairs = zip(events.index, events["headroom"], gain(events, rule), strict=True)
+            found += [Gain(str(k), rule, controller, float(x), float(y), True) for k, x, y in pairs]
+    return found
+
+
+def as_values(gains: Sequence[Gain]) -> list[Mapping[str, Any]]:
+    """The same as plain values, rounded to a thousandth of a per cent."""
+    return [
+        asdict(one) | {"headroom": round(one.headroom, 5), "gain": round(one.gain, 5)}
+        for one in gains
+    ]
+
+
+# The table of a comparison as a page shows it: a row per event, rule and controller, with values and differences.
+
+ALWAYS = 1
+"""Columns that a narrow terminal does without sooner than this are shown on demand."""
+WAYS = {1: "more is better", -1: "less is better", 0: ""}
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A column as its reader sees it."""
+
+    metric: str
+    text: str
+    """With line breaks where it may have them."""
+    unit: str
+    """Of the metric itself; the heading names the one it is shown in."""
+    meaning: str
+    better: str
+    extra: bool
+    """Shown on demand."""
+
+
+@dataclass(frozen=True)
+class TableCell:
+    """A mean over seeds, as number in the metric's unit and as text in the heading's."""
+
+    number: float | None
+    text: str
+    tint: str = ""
+    """Of a difference whose interval excludes zero: "better", "worse" or, where neither is, "other"."""
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """A line of the comparison."""
+
+    line: SummaryLine
+    status: str
+    """What became of runs that do not count; empty where all count."""
+    values: tuple[TableCell, ...]
+    differences: tuple[TableCell, ...]
+
+
+NO_CELL = TableCell(None, "–")
+
+
+def shown_columns(lines: Sequence[SummaryLine]) -> list[Column]:
+    """Columns that apply to any line."""
+    return [column for column in COLUMNS if any(tells(line, column) for line in lines)]
+
+
+def headings(columns: Sequence[Column]) -> list[Heading]:
+    """What stands above the columns."""
+    return [_heading(column) for column in columns]
+
+
+def _heading(column: Column) -> Heading:
+    text = column.heading.replace("-\n", "")
+    extra = column.spare > ALWAYS
+    if column.metric == RULE_CALL_TIME:
+        return Heading(column.metric, text, "ms", "mean time of a call of the rule", "", extra)
+    found = METRICS[column.metric]
+    unit = "" if found.unit == "1" else found.unit
+    return Heading(column.metric, text, unit, found.description, WAYS[found.better], extra)
+
+
+def table_rows(lines: Sequence[SummaryLine], columns: Sequence[Column]) -> list[TableRow]:
+    """The rows, in the order of `lines`."""
+    return [
+        TableRow(
+            line, status_of(line),
+            tuple(_value(line, column) for column in columns),
+            tuple(_difference(line, column) for column in columns),
+        )
+        for line in lines
+    ]  # fmt: skip
+
+
+def status_of(line: SummaryLine) -> str:
+    """What became of a line's runs, in words; empty where all count."""
+    counts = ((line.failed, "failed"), (line.degraded, "degraded"))
+    return ", ".join(f"{count} of {line.seeds} {word}" for count, word in counts if count)
+
+
+def _value(line: SummaryLine, column: Column) -> TableCell:
+    if not applies(line, column):
+        return NO_CELL
+    mean = line.metrics[column.metric]
+    text = f"{round(column.factor * mean.value, column.digits) + 0.0:.{column.digits}f}"
+    return TableCell(mean.value, text + plus_minus(mean, column.factor, column.digits))
+
+
+def _difference(line: SummaryLine, column: Column) -> TableCell:
+    mean = line.differences.get(column.metric, NO_MEAN)
+    if mean.count == 0 or not math.isfinite(mean.value):
+        return NO_CELL
+    digits = column.digits + (column.factor != 1.0)  # points of a per cent are worth a digit more
+    text = f"{round(column.factor * mean.value, digits) + 0.0:+.{digits}f}"  # no minus zero
+    text += plus_minus(mean, column.factor, digits)
+    return TableCell(mean.value, text, _tint(column.metric, mean))
+
+
+def _tint(metric: str, mean: Interval) -> str:
+    if not (mean.low > 0.0 or mean.high < 0.0):
+        return ""
+    way = METRICS[metric].better * math.copysign(1, mean.value)
+    return {1: "better", -1: "worse"}.get(int(way), "other")

@@ -7,7 +7,7 @@ import numpy as np
 from alloc.estimation.running_resistance import LARGEST_DEVIATION, LEARNED
 from alloc.onboard.line_memory import WEIGHTS, PositionDetector
 from studies.resistance import driven_cases as cases
-from studies.resistance.learners import (
+from studies.resistance.driven_cases import (
     LEARNER_NAMES,
     boarding,
     learn_passes,

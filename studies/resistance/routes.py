@@ -1,16 +1,21 @@
 """Routes of the speed control's study: a train, its line with a tunnel and gradients, and the commanded speed."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from alloc.onboard.line_memory import LineMemory
+from alloc.errors import OnboardError
+from alloc.onboard.line_memory import LineMemory, Odometer, PositionDetector
 from alloc.onboard.speed_controller import SpeedCommand
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import Train
+from alloc.records import quantity
+from studies.files.strict import parse, read_toml
+from studies.scenario.onboard_keys import built, keys_of
 
 DRY = Rail(0.3)
 """Adhesion that no torque of the speed control reaches."""
@@ -156,3 +161,235 @@ def route(
 FULL_LOAD = {"commuter": 12e3, "high-speed": 7e3}
 """Pay load of a full car [kg], assumed: 200 and 100 passengers with luggage."""
 ROUTES = ("commuter", "high-speed")
+
+
+# Routes drawn at random: a tunnel, a climb and a descent in any order and of any length, and stations.
+
+
+class Range(NamedTuple):
+    """What a kind of route is drawn from; pairs are the ends of uniform distributions."""
+
+    train: str
+    cruise: tuple[float, float]
+    """[m/s]"""
+    below: float
+    """Speed at the start of the run below the cruise [m/s]."""
+    rate: float
+    """Acceleration up to the cruise [m/s2]."""
+    start: float
+    """Where the first point may lie [m]: a minute behind the ramp of the speed, whose end moves the integrator too."""
+    stretch: tuple[float, float]
+    """Between two points [m]."""
+    steepest: float
+    """Gradients are a quarter of it to all of it, as rise per run."""
+    tunnel_factor: tuple[float, float]
+    stations: tuple[float, float]
+    """Between two stations [m]."""
+
+
+RANGES = {
+    "commuter": Range(
+        "commuter-8car", (16.0, 20.0), 3.0, 0.3, 1150.0, (400.0, 600.0), 0.025, (1.3, 2.5), (1000.0, 2500.0)
+    ),
+    "high-speed": Range(
+        "high-speed-16car", (64.0, 72.0), 3.0, 0.12, 5300.0, (1300.0, 1900.0), 0.012, (1.3, 2.5), (30e3, 60e3)
+    ),
+}  # fmt: skip
+"""All assumed. The last station lies up to a spacing behind the start."""
+BLOCKS = ("tunnel", "climb", "descent")
+SETTLING, START = 12.0, 2.0
+"""Time [s] of the run after the last point and the train behind it; instant of the command."""
+
+
+def drawn_route(name: str, generator: np.random.Generator) -> Route:
+    """A route of the kind `name` of `RANGES`."""
+    of = RANGES[name]
+    cruise = float(generator.uniform(*of.cruise))
+    first = max(cruise - of.below, 0.0)
+    load = float(generator.uniform(0.0, 1.0)) * FULL_LOAD[name]
+    train = find_set(of.train)
+    train = train.loaded((load,) * len(train.cars))
+    place, blocks = of.start, list(generator.permutation(BLOCKS))
+    stations, grades, tunnels = [0.0], [0.0], []
+    for block in blocks:
+        begin = place + float(generator.uniform(*of.stretch))
+        place = begin + float(generator.uniform(*of.stretch))
+        if block == "tunnel":
+            tunnels.append((begin, place))
+        else:
+            size = float(of.steepest * generator.uniform(0.25, 1.0))
+            stations += [begin, place]
+            grades += [size if block == "climb" else -size, 0.0]
+    factor = float(generator.uniform(*of.tunnel_factor))
+    line = Line(tuple(stations), tuple(grades), tuple(tunnels), factor, LINE_SPACING)
+    length = sum(car.length for car in train.cars)
+    ramp = (cruise - first) / of.rate
+    rest = place + length - START * first - 0.5 * (first + cruise) * ramp
+    duration = round(START + ramp + rest / cruise + SETTLING, 1)
+    stops = [-float(generator.uniform(0.0, of.stations[1]))]
+    while stops[-1] < place:
+        stops.append(stops[-1] + float(generator.uniform(*of.stations)))
+    command = SpeedCommand((START,), (cruise,), of.rate, first)
+    return Route(name, train, line, command, duration, tuple(stops))
+
+
+# Errors of the position and of the line that a speed control knows: odometer, delay, map; each alone and all together.
+
+LEAST_TUNNEL = 1.0
+"""Length [m] of a tunnel whose mouths the map's errors bring together."""
+
+
+@dataclass(frozen=True)
+class LineErrors:
+    """How wrong position and map are; a file gives them as a table of keys with units.
+
+    `odometer_error`: bound of the share by which the odometer counts too much or too little. `reset_deviation` [m]: what a
+    station leaves of the position's error. `delay` [s] of position and speed. `place_deviation` [m] of every tunnel
+    mouth and gradient change in the map. `gradient_deviation`, `air_deviation`: shares by which each gradient, and the
+    air resistance in the open and in tunnels, are wrong. Deviations are standard ones of a normal distribution, drawn per
+    route and feature; the bound is that of a uniform one, drawn per route.
+    """
+
+    odometer_error: float = quantity(0.0, "1", most=0.2)
+    reset_deviation: float = quantity(0.0, "m")
+    delay: float = quantity(0.0, "s", most=10.0)
+    place_deviation: float = quantity(0.0, "m")
+    gradient_deviation: float = quantity(0.0, "1", most=1.0)
+    air_deviation: float = quantity(0.0, "1", most=1.0)
+
+    def __post_init__(self) -> None:
+        names = [item.name for item in fields(self)]
+        OnboardError.check("line errors", self, nonnegative=names, infinite=())
+
+    @property
+    def counts_wheels(self) -> bool:
+        """Whether an odometer counts; without errors of it the true position is known."""
+        return self.odometer_error > 0.0 or self.reset_deviation > 0.0
+
+    def only(self, *names: str) -> "LineErrors":
+        """The errors of these names alone."""
+        return LineErrors(**{name: getattr(self, name) for name in names})
+
+
+TYPICAL = LineErrors(
+    odometer_error=0.005,
+    reset_deviation=2.0,
+    delay=0.2,
+    place_deviation=20.0,
+    gradient_deviation=0.05,
+    air_deviation=0.1,
+)
+"""Assumed. Half a per cent corresponds to 4 mm of wear on wheels of 0.86 m that was not entered in the odometer."""
+NONE, ODOMETER, DELAY, PLACES, GRADIENTS, AIR, ALL = (
+    "none", "odometer", "delay", "places in the map", "gradients in the map", "air resistance", "all",
+)  # fmt: skip
+ARMS: Mapping[str, tuple[str, ...]] = {
+    NONE: (),
+    PLACES: ("place_deviation",),
+    GRADIENTS: ("gradient_deviation",),
+    AIR: ("air_deviation",),
+    ODOMETER: ("odometer_error", "reset_deviation"),
+    DELAY: ("delay",),
+    ALL: tuple(item.name for item in fields(LineErrors)),
+}
+"""Arm of the study -> errors that it has; arms with true signals come first, for they share a run."""
+
+
+def read_line_errors(path: str) -> LineErrors:
+    """Errors from a TOML file; raises `StudyError` naming the key that is wrong."""
+    data = read_toml(
+        path, "line errors", "give a TOML file with keys such as odometer_error = 0.005"
+    )
+    owner = f"line errors file {path!r}"
+    found: LineErrors = built(parse(keys_of(LineErrors), data, owner), LineErrors)
+    return found
+
+
+@dataclass(frozen=True)
+class Draw:
+    """What an event draws of the errors, as numbers without size, so that every arm has the same ones."""
+
+    odometer: float
+    """In [-1, 1]."""
+    resets: tuple[float, ...]
+    places: tuple[float, ...]
+    gradients: tuple[float, ...]
+    air: tuple[float, ...]
+
+    @classmethod
+    def of(cls, route: Route, generator: np.random.Generator) -> "Draw":
+        """One draw for a route."""
+
+        def normal(count: int) -> tuple[float, ...]:
+            return tuple(float(x) for x in generator.standard_normal(count))
+
+        line = route.line
+        return cls(
+            float(generator.uniform(-1.0, 1.0)),
+            normal(len(route.stations)),
+            normal(len(line.stations) + 2 * len(line.tunnels)),
+            normal(len(line.stations)),
+            normal(2),
+        )
+
+
+def believed(line: Line, errors: LineErrors, draw: Draw) -> LineBelief:
+    """The line as a map with errors has it. Places keep their order; the beginning of the line is known."""
+    shift = errors.place_deviation * np.array(draw.places)
+    count = len(line.stations)
+    stations = np.array(line.stations)
+    stations[1:] = np.maximum(np.sort(stations[1:] + shift[1:count]), stations[0])
+    mouths = np.array(line.tunnels).reshape(-1, 2) + shift[count:].reshape(-1, 2)
+    mouths[:, 1] = np.maximum(mouths[:, 1], mouths[:, 0] + LEAST_TUNNEL)
+    grades = np.array(line.grades) * (1.0 + errors.gradient_deviation * np.array(draw.gradients))
+    first, second = np.maximum(1.0 + errors.air_deviation * np.array(draw.air), 0.0)
+    tunnels = tuple((float(a), float(b)) for a, b in mouths)
+    known = replace(
+        line, stations=tuple(stations.tolist()), grades=tuple(grades.tolist()), tunnels=tunnels
+    )
+    return LineBelief(known, (float(first), float(second)))
+
+
+def driven_axles(route: Route) -> tuple[int, ...]:
+    """Axles with a motor, from the front: the source reads the turns of the motor."""
+    found, first = [], 0
+    for car in route.train.cars:
+        found += [first + axle for axle, driven in enumerate(car.driven) if driven]
+        first += len(car.axle_positions)
+    return tuple(found)
+
+
+def detector(
+    route: Route, errors: LineErrors, draw: Draw, speed_noise: float, seed: int
+) -> PositionDetector:
+    """Where position and speed of a run of `route` come from."""
+    odometer = None
+    if errors.counts_wheels:
+        odometer = Odometer(
+            errors.odometer_error * draw.odometer,
+            route.stations,
+            tuple(errors.reset_deviation * x for x in draw.resets),
+            driven_axles(route),
+        )
+    return PositionDetector(odometer, errors.delay, speed_noise, seed)
+
+
+def with_errors(route: Route, errors: LineErrors, draw: Draw) -> Route:
+    """The route with the belief that these errors leave."""
+    return replace(route, belief=believed(route.line, errors, draw))
+
+
+LADDER = (0.02, 0.04)
+"""Further bounds of the odometer's error, to find where compensation by position ends to help."""
+
+
+def rung(bound: float) -> str:
+    """Name of the arm with this bound of the odometer's error."""
+    return f"{ODOMETER} {100.0 * bound:g} %"
+
+
+def arms_of(errors: LineErrors) -> dict[str, LineErrors]:
+    """Errors of every arm: each alone, all, and the odometer's alone with each bound of `LADDER`."""
+    found = {arm: errors.only(*names) for arm, names in ARMS.items()}
+    alone = found[ODOMETER]
+    return found | {rung(bound): replace(alone, odometer_error=bound) for bound in LADDER}

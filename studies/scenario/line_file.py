@@ -5,9 +5,15 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from studies.files.strict import Strict, parse, read_toml
-from studies.railtoolkit.keys import MOST_SECTIONS, check_line, check_points
 from studies.railtoolkit.reading import read_path
-from studies.railtoolkit.records import PointOfInterest, RunningPath, sections
+from studies.railtoolkit.vehicles import (
+    MOST_SECTIONS,
+    PointOfInterest,
+    RunningPath,
+    check_line,
+    check_points,
+    sections,
+)
 
 
 class LimitedSectionKeys(Strict):

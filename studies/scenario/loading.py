@@ -9,7 +9,7 @@ from alloc.registry import Registry
 from studies.files.strict import parse, read_toml
 from studies.files.study_error import StudyError
 from studies.scenario.scenario import Scenario, safe_name
-from studies.scenario.train_keys import is_file
+from studies.scenario.train_file import is_file
 
 SHIPPED = Path(__file__).parent / "shipped"
 SCENARIOS: Registry[Path | Mapping[str, Any]] = Registry(

@@ -2,20 +2,73 @@
 
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, replace
-from typing import Annotated, Any, ClassVar, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
 from alloc.errors import PlantError, number_fault
 from alloc.plant.adhesion import CURVES, AdhesionCurve
-from alloc.plant.rail import CURVE_LAWS, SPEED_LAWS, Line, Patch, Rail, Receptivity
+from alloc.plant.rail import (
+    CURVE_LAWS,
+    GROWTH_OFFSET,
+    GROWTH_SLOPE,
+    SPEED_LAWS,
+    Line,
+    Patch,
+    Rail,
+    Receptivity,
+    logarithmic_increments,
+)
 from alloc.records import Meaning, meanings, meant
 from alloc.units import unit_of
 from studies.files.json_schema import Names, Schema, add, bound_numbers, in_unit
 from studies.files.strict import Strict
 from studies.files.study_error import nearest
 from studies.files.units import range_fault, si
-from studies.scenario.increment_keys import MOST_COEFFICIENT, IncrementKeys
+
+# Keys of a scenario file on the growth of adhesion along the train.
+
+MOST_COEFFICIENT = 1.0
+"""No dry or sanded rail carries a force as large as the wheel's load: measured coefficients stay below 0.7."""
+Increment = Annotated[float, Field(ge=-MOST_COEFFICIENT, le=MOST_COEFFICIENT)]
+"""Of the coefficient, at one axle or unit."""
+
+
+class IncrementKeys(Strict):
+    """Growth of adhesion along the train: none, the law (15) of JP5484215, or a value per axle.
+
+    Source: JP5484215 (15), Shinkansen.
+    """
+
+    law: Literal["none", "logarithmic", "given"]
+    """Law of the growth: none, slope ln j + offset for axle j (1 = foremost), or given by values."""
+    slope: float = Field(default=GROWTH_SLOPE, ge=-MOST_COEFFICIENT, le=MOST_COEFFICIENT)
+    """Slope of the law logarithmic."""
+    offset: float = Field(default=GROWTH_OFFSET, ge=-MOST_COEFFICIENT, le=MOST_COEFFICIENT)
+    """Offset of the law logarithmic; with the default the mean over the first four axles is zero."""
+    values: tuple[Increment, ...] | None = None
+    """Increment of the coefficient per axle from the front, with the law given. Left out: another law is meant. Source: the
+    file's."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> "IncrementKeys":
+        if (self.values is not None) != (self.law == "given"):
+            raise ValueError('values go with law = "given", and only with it')
+        if self.law != "logarithmic" and (self.slope, self.offset) != (
+            GROWTH_SLOPE,
+            GROWTH_OFFSET,
+        ):
+            raise ValueError('slope and offset go with law = "logarithmic", and only with it')
+        return self
+
+    def increments(self, axles: int) -> tuple[float, ...] | None:
+        """One increment per axle from the front, None for none."""
+        if self.law == "none":
+            return None
+        if self.law == "given":
+            return self.values
+        return tuple(logarithmic_increments(axles, self.slope, self.offset).tolist())
+
 
 SpeedLaw = Annotated[str, Names(lambda: SPEED_LAWS)] | tuple[float, float, float]
 ONE_LEVEL: Schema = {

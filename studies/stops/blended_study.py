@@ -16,10 +16,10 @@ from studies.stops.blended_events import (
     HAULED,
     SOURCES,
     event_name,
+    measure,
     peak_of,
     scenario,
 )
-from studies.stops.blended_measures import measure
 
 RULES = ("alone", "cooperative", "exact")
 CONTROLLERS = ("cut-and-ramp", "perturb-observe", "mpc", "mpc-train")

@@ -10,24 +10,22 @@ from studies.core.claims import ABOUT, Claim, conjunction
 from studies.core.statement import LEAST_EVENTS, Interval, Statement, mean_interval
 from studies.core.study import Study
 from studies.files.study_error import StudyError
-from studies.stops.sander_placement import (
-    AXLES_PER_CAR,
-    CURVES,
-    EVENTS,
-    NOMINAL,
-    PLACEMENTS,
-    SHARINGS,
-    USUAL,
-    place_row,
-)
 from studies.stops.sander_trial import (
+    AXLES_PER_CAR,
     CALIBRATED,
     DISTANCES,
+    EVENTS,
     FITTED,
+    NOMINAL,
+    PLACED_ON,
+    PLACEMENTS,
+    SHARINGS,
     SOURCE,
     SOURCES,
     TOLERANCE,
+    USUAL,
     Source,
+    place_row,
     stop,
 )
 
@@ -197,7 +195,7 @@ def cells(seed: int, events: int, source: Source = SOURCE) -> list[Task]:
         for kind in DISTANCES
     ]  # fmt: skip
     pairs = [
-        _task("pair", place_row, (_pair(a, b), "equal", NOMINAL, CURVES[0], 0), source, first=a, second=b)
+        _task("pair", place_row, (_pair(a, b), "equal", NOMINAL, PLACED_ON[0], 0), source, first=a, second=b)
         for a in range(CARS)
         for b in range(a, CARS)
     ]  # fmt: skip
@@ -210,7 +208,7 @@ def _pair(first: int, second: int) -> tuple[int, ...]:
 
 
 def _event(seed: int, k: int, source: Source) -> list[Task]:
-    drawn, curve = EVENTS.draw(seed, k), CURVES[k % len(CURVES)]
+    drawn, curve = EVENTS.draw(seed, k), PLACED_ON[k % len(PLACED_ON)]
     return [
         _task(
             "placement", place_row, (axles, sharing, drawn, curve, k), source,

@@ -14,10 +14,8 @@ import pytest
 
 from alloc.metrics import METRICS
 from studies.core.cell import Key, Task, key_of
-from studies.core.parts import FULL
-from studies.core.runner import do_task
-from studies.core.store import Store
-from studies.core.workers import cluster, processes
+from studies.core.run import cluster, do_task, processes
+from studies.core.store import FULL, Store
 
 MANY = 1_000_000 if os.environ.get("READHESION_FULL") else 100_000
 

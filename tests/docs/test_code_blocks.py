@@ -13,7 +13,7 @@ from alloc.rules import RULES
 from alloc.simulation import CONTROLLERS
 from paper_figs.drawing import FIGURES
 from studies.command_line.main import app, run
-from studies.core.collection import all_studies
+from studies.core.study import all_studies
 from studies.files.strict import parse
 from studies.lines.named_files import TRAINS, shipped
 from studies.logs.mapping import read_mapping

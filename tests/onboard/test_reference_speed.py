@@ -28,8 +28,7 @@ from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, DraftGear
 from alloc.simulation import DriverCommand, Event, simulate
 from studies.ladder.events import scenario
-from studies.stops.acceptance_cases import discs, measured, stopped_run
-from studies.stops.acceptance_stops import gripping, stop_of
+from studies.stops.wsp_acceptance_study import discs, gripping, measured, stop_of, stopped_run
 
 SEED = 50
 """Of ladder events."""

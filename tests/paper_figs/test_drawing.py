@@ -38,13 +38,12 @@ from paper_figs.patent import CLAIM_TABLE, FEW_CLAIMS, FEW_EVENTS
 from paper_figs.readhesion_paper import case_runs
 from paper_figs.saving import MovingFigure, Origin
 from paper_figs.style import COLUMN, PAGE, STYLE_FILE, Width, new_figure, new_panels, rule_look
-from studies.command_line.figures import figures
-from studies.core.collection import find_study
+from studies.command_line.write_report import figures
 from studies.core.gallery import GROUP, Asked, Gallery, Saved, gallery
 from studies.core.job import Job, simulate_job
 from studies.core.plugins import VARIABLE, use_plugins
 from studies.core.store import Store
-from studies.core.study import Study
+from studies.core.study import Study, find_study
 from studies.files.study_error import StudyError
 from studies.readhesion_paper.study import MOST_MEMBERS
 from studies.scenario.loading import load_scenario

@@ -34,7 +34,7 @@ from paper_figs.rules import (
     rule_comparison,
 )
 from paper_figs.style import BETTER, COLUMN, NOTE, STYLE_FILE, Width, new_figure, rule_colour
-from studies.brake_force.statements import CUT_OUT
+from studies.brake_force.study import CUT_OUT
 from studies.comparison.summary import REFERENCE, summarise
 from studies.core.drawn_events import COMPARED, Arm
 from studies.core.statement import FAILS, HOLDS

@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgb
 from alloc.onboard.host import CONTROLLERS, HostedController
 from alloc.rules import RULES
 from paper_figs.style import CONTROLLER_FILL, OTHER_COLOUR
-from studies.comparison.defaults import SLOW_CONTROLLER
+from studies.comparison.summary import SLOW_CONTROLLER
 from studies.core.drawn_events import COMPARED
 
 SIGHTS = (None, "deuteranomaly", "protanomaly", "tritanomaly")

@@ -15,7 +15,7 @@ from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail, Receptivity
 from alloc.plant.sets import SETS, find_set
 from alloc.plant.train import AirBrake, Coupler, Motors, Sander, TorqueLimit, Train
-from studies.brake_force.running_tests import LEVER_RATIO, RIGGING, STANDSTILL_FRICTION
+from studies.brake_force.measurement import LEVER_RATIO, RIGGING, STANDSTILL_FRICTION
 from studies.scenario.train_file import read_train_file
 from studies.slides.jp4209318 import slide_train
 from tests.cases import looped

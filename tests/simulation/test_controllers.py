@@ -42,7 +42,7 @@ from alloc.simulation import simulate
 from alloc.testing import CONTROLLER_LAWS, check_controller
 from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.drawn_scenarios import rail_offering
-from studies.ladder.mismatch_events import RAILS
+from studies.ladder.mismatch_study import RAILS
 from studies.readhesion_paper.lanes import simulate_tables
 from studies.scenario.loading import load_scenario
 from tests.cases import looped

@@ -6,8 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from studies.stops.acceptance_cases import drawn_case, table_cases
-from studies.stops.acceptance_stops import event_name
+from studies.stops.wsp_acceptance_study import drawn_case, event_name, table_cases
 
 Row = dict[str, Any]
 Change = Callable[[Row], Row]

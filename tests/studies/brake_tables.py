@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.brake_force.accusations import SHORTFALLS
-from studies.brake_force.beliefs import AS_PLANT
-from studies.brake_force.running_tests import TESTS
-from studies.brake_force.statements import CUT_OUT
+from studies.brake_force.faulty_car import SHORTFALLS
+from studies.brake_force.measurement import AS_PLANT, TESTS
+from studies.brake_force.study import CUT_OUT
 
 Row = dict[str, Any]
 

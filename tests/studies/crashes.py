@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-import studies.core.parts
-import studies.core.runner
+import studies.core.run
+import studies.core.store
 from studies.core.cell import Task
-from studies.core.runner import run_cells
+from studies.core.run import run_cells
 from studies.core.store import Store
 
 
@@ -72,9 +72,9 @@ def rows(folder: Path) -> int:
 
 def main(folder: Path, trials: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    studies.core.runner.FLUSH_INTERVAL = 0.01
-    studies.core.parts.FULL, studies.core.parts.MANY, studies.core.parts.LARGE = 16, 4, 64
-    studies.core.parts.AGE = -1.0
+    studies.core.run.FLUSH_INTERVAL = 0.01
+    studies.core.store.FULL, studies.core.store.MANY, studies.core.store.LARGE = 16, 4, 64
+    studies.core.store.AGE = -1.0
     kills = damages = 0
     started = time.monotonic()
     os.waitpid(begin(folder / "timed", 20), 0)

@@ -6,9 +6,14 @@ from itertools import pairwise
 from alloc.onboard.speed_controller import SpeedCommand
 from alloc.plant.rail import Line
 from alloc.plant.sets import find_set
-from studies.railtoolkit.keys import VehicleKeys
-from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPath, Section
-from studies.railtoolkit.vehicles import build_formation
+from studies.railtoolkit.vehicles import (
+    PointOfInterest,
+    RollingStock,
+    RunningPath,
+    Section,
+    VehicleKeys,
+    build_formation,
+)
 from studies.resistance.routes import Route
 
 _SECTIONS = (

@@ -3,8 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from studies.patent.headroom_events import draw
-from studies.patent.headroom_study import BASE, BOUND, NUMBERS, OWN, RULES
+from studies.patent.headroom_study import BASE, BOUND, NUMBERS, OWN, RULES, draw
 
 
 def headroom_table(

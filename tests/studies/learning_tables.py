@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from alloc.estimation.increments import DIRECTIONS
-from studies.patent.learning_starts import ARMS, KINDS
+from studies.patent.learning_study import ARMS, KINDS
 
 
 def synthetic(error, effort=None, slip=None, excess=0.0, trains=6, stations=4):

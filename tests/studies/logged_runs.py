@@ -20,8 +20,8 @@ from studies.logs.report import fit_remarks
 from studies.logs.simulated import log_table, rounded
 from studies.logs.train import MeasuredTrain
 from studies.scenario.loading import load_scenario
-from studies.stops.acceptance_stops import stop_of
 from studies.stops.blended_events import scenario as drawn_stop
+from studies.stops.wsp_acceptance_study import stop_of
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
 
 SHARE, SLIPS = 0.02, 2

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.ladder.mismatch_events import GIVEN, MIDDLE, NOISES, OWN, RAILS, settings_at
+from studies.ladder.mismatch_study import GIVEN, MIDDLE, NOISES, OWN, RAILS, settings_at
 
 Row = dict[str, Any]
 NUMBERS = {"utilisation_short": 0.9, "damage": 150.0, "slip_time": 5.0, "torque_fluctuation": 0.04}

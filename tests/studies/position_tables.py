@@ -5,9 +5,8 @@ import pandas as pd
 
 from studies.resistance.driven_cases import CARS, FEEDBACK, FRONT, LEARNED, RIGHT, TAUGHT
 from studies.resistance.events import QUANTITIES, column
-from studies.resistance.line_errors import ARMS, LADDER, rung
-from studies.resistance.position_events import ALONE, cases_of
-from studies.resistance.position_statements import KINDS
+from studies.resistance.line_position_study import ALONE, KINDS, cases_of
+from studies.resistance.routes import ARMS, LADDER, rung
 
 PEAKS = {FEEDBACK: 1.0, RIGHT: 0.5, FRONT: 0.7, CARS: 0.2, LEARNED: 0.5, TAUGHT: 0.1}
 """Disturbance of every case where every claim holds."""

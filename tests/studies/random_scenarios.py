@@ -12,7 +12,7 @@ from alloc.onboard.host import CONTROLLERS
 from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS
 from alloc.rules import RULES
-from studies.core.controllers import is_hosted
+from studies.core.job import is_hosted
 from studies.files.strict import parse
 from studies.files.study_error import StudyError
 from studies.scenario.scenario import Scenario

@@ -4,10 +4,9 @@ import numpy as np
 import pandas as pd
 
 from studies.readhesion_paper import study as readhesion
-from studies.readhesion_paper.calibration import NOT_ASKED_OF_ALL, RANGES, draw
+from studies.readhesion_paper.calibration import NOT_ASKED_OF_ALL, RANGES, draw, grid_tables
 from studies.readhesion_paper.findings import CLAIMS
 from studies.readhesion_paper.paper import PAPER_LIMITS, PAPER_MARGINS, PAPER_WIDTHS, UNITS
-from studies.readhesion_paper.sensitivity import grid_tables
 
 
 def limit_of(margin: float, width: float) -> float:

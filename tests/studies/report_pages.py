@@ -5,12 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from studies.comparison.defaults import make_grid
-from studies.comparison.grid import Grid
+from studies.command_line.write_report import gather
+from studies.comparison.summary import Grid, make_grid
 from studies.core.store import Store
-from studies.report.gathering import gather
-from studies.report.packing import Packed, unpack
 from studies.report.page import Material
+from studies.report.replay import Packed, unpack
 from studies.scenario.scenario import Scenario
 
 RULES = ("alone", "exact", "oracle")

@@ -3,10 +3,18 @@
 import numpy as np
 import pandas as pd
 
-from studies.resistance.driven_cases import CARS, CASES, EXACT, FEEDBACK, FRONT, LEARNED, WRONGLY
+from studies.resistance.driven_cases import (
+    CARS,
+    CASES,
+    EXACT,
+    FEEDBACK,
+    FRONT,
+    LEARNED,
+    LEARNER_NAMES,
+    WRONGLY,
+)
 from studies.resistance.events import ONE_CAR, QUANTITIES, column
-from studies.resistance.learners import LEARNER_NAMES
-from studies.resistance.statements import MOUTH, SLOPE
+from studies.resistance.study import MOUTH, SLOPE
 
 PEAKS = {FEEDBACK: 1.0, WRONGLY: 0.6, CARS: 0.05, EXACT: 0.02, FRONT: 0.5}
 """Disturbance of every case as the source would have it; 0.2 of the others."""

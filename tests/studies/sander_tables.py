@@ -3,8 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from studies.stops.sander_placement import EVENTS, PLACEMENTS, SHARINGS, USUAL
-from studies.stops.sander_trial import DISTANCES
+from studies.stops.sander_trial import DISTANCES, EVENTS, PLACEMENTS, SHARINGS, USUAL
 from studies.stops.sanders_study import CARS, TRIALS
 
 BEST = "axles 1 and 5 of each unit"

@@ -5,12 +5,10 @@ from dataclasses import asdict
 import numpy as np
 import pandas as pd
 
-from studies.slides.electric import electric_tasks
-from studies.slides.ensemble_statements import NOISES
-from studies.slides.extrapolation import STOPS
-from studies.slides.jp4209318 import CALIBRATED
+from studies.slides.electric import STOPS, electric_tasks
+from studies.slides.ensemble_study import NOISES
+from studies.slides.jp4209318 import CALIBRATED, TABLE_3, TABLE_4
 from studies.slides.study import SENSITIVITIES, THRESHOLDS
-from studies.slides.targets import TABLE_3, TABLE_4
 
 SLIP = {f"slip_{i + 1}": 0.08 - 0.004 * i - 0.002 * (i % 2) for i in range(12)}
 MEASURES = {"locked_time": 0.0, "air": 300.0, "time_outs": 0.0, "computing": 4.0, **SLIP}

@@ -8,10 +8,9 @@ import numpy as np
 import pandas as pd
 
 from studies.core.drawn_events import COMPARED
-from studies.patent.claim_events import drawn_table
-from studies.patent.claim_measures import EXCESS_EDGES, excess_column
+from studies.patent.claim_events import EXCESS_EDGES, drawn_table, excess_column
 from studies.patent.claims_study import LAYERS, RULES
-from studies.patent.difference_problems import RULES as DIFFERENCE_RULES
+from studies.patent.differences_study import RULES as DIFFERENCE_RULES
 
 Row = dict[str, Any]
 Change = Callable[[Row], Row]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from alloc.simulation import simulate
-from studies.files.key_tables import in_toml
+from studies.files.json_schema import in_toml
 from studies.files.strict import parse
 from studies.files.study_error import StudyError
 from studies.scenario.scenario import Scenario

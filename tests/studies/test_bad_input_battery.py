@@ -635,7 +635,7 @@ def place(tmp_path, monkeypatch):
         raise AssertionError("a run was begun before bad input was refused")
 
     monkeypatch.setattr(ClosedLoop, "run", no_run)
-    for module in ("studies.core.runner", "studies.core.study", "paper_figs.drawing"):
+    for module in ("studies.core.run", "studies.core.study", "paper_figs.drawing"):
         monkeypatch.setattr(f"{module}.run_cells", no_run)
     keep_registries(monkeypatch)
     monkeypatch.setenv(VARIABLE, "")
@@ -761,7 +761,7 @@ def test_no_number_key_takes_what_is_no_number_or_ends_in_a_traceback():
 
 
 def test_files_with_blanks_and_byte_order_marks_work(place, monkeypatch):
-    from studies.lines.real_input import with_real_input
+    from studies.lines.named_files import with_real_input
     from studies.logs.measured_log import read_log
     from studies.logs.train import read_log_train
     from studies.scenario.loading import load_scenario

@@ -16,21 +16,19 @@ from studies.stops.blended_events import (
     CURVES,
     EVENTS,
     LEAST_LEVEL,
+    LEAST_SPEED,
     REFERENCE_SPEED,
     ROLLING,
     SOURCES,
     TRAINS,
-    asked_of,
-    peak_of,
-    scenario,
-    train_of,
-)
-from studies.stops.blended_measures import (
-    LEAST_SPEED,
     WITHIN,
+    asked_of,
     locked_driven,
     measure,
+    peak_of,
     reference_error,
+    scenario,
+    train_of,
     unit_use,
 )
 from studies.stops.blended_study import (

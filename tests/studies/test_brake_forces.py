@@ -9,38 +9,37 @@ from alloc.estimation.brake_force import CalibrationErrors, car_brake_forces, st
 from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.sets import find_set
 from studies.brake_force import study
-from studies.brake_force.accusations import SOUND, driven_rows, sliding_rows
 from studies.brake_force.faulty_car import (
     DECELERATION,
+    SOUND,
     Fault,
     allocated_stops,
     commuter_train,
+    driven_rows,
     driven_stops,
+    sliding_rows,
 )
 from studies.brake_force.findings import row_of_test
 from studies.brake_force.measurement import (
-    MeasuringSystem,
-    disturb,
-    rail_brake_forces,
-    record,
-    resistance_of_cars,
-    true_brake_forces,
-)
-from studies.brake_force.running_tests import (
     BRAKE,
     BRAKED_AT,
     RIGGING,
     SHOE_SCATTER,
     STANDSTILL_FRICTION,
     TESTS,
+    MeasuringSystem,
+    disturb,
     drive_test,
     estimate,
+    rail_brake_forces,
+    record,
+    resistance_of_cars,
     run_test,
     smooth,
     train_of_test,
+    true_brake_forces,
 )
-from studies.brake_force.statements import brake_force_statements
-from studies.brake_force.study import BRAKE_FORCE
+from studies.brake_force.study import BRAKE_FORCE, brake_force_statements
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from tests.studies.brake_tables import BELIEFS, brake_table
 

@@ -10,8 +10,8 @@ import pytest
 
 import studies.core.claims as engine
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, decisive, meets, names_in
-from studies.core.collection import all_studies
 from studies.core.statement import CONDITIONS, FAILS, HOLDS
+from studies.core.study import all_studies
 from tests.results_hash import SYNTHETIC
 from tests.studies.blended_tables import blended_table
 from tests.studies.test_jp4209318 import ensemble_table

@@ -8,14 +8,21 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies.core.collection import all_studies, find_study, study_folder
 from studies.core.drawn_events import COMPARED
 from studies.core.job import Job, simulate_job
-from studies.core.shard import ALL
+from studies.core.run import ALL
 from studies.core.statement import LEAST_EVENTS, VERDICTS, Interval, Statement
+from studies.core.study import all_studies, find_study, study_folder
 from studies.files.study_error import StudyError
-from studies.patent.claim_events import QUANTITIES, draw, drawn_table, scenario
-from studies.patent.claim_measures import EXCESS_EDGES, excess_column, measure
+from studies.patent.claim_events import (
+    EXCESS_EDGES,
+    QUANTITIES,
+    draw,
+    drawn_table,
+    excess_column,
+    measure,
+    scenario,
+)
 from studies.patent.claims_study import ARMS, CLAIM_STUDY, statement_name
 from studies.patent.claims_study import RULES as CLAIM_RULES
 
@@ -49,7 +56,7 @@ def test_rows_have_what_was_drawn_and_what_was_measured(swept):
 
 def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    monkeypatch.setattr("studies.core.run.run_cell", None)
     pd.testing.assert_frame_equal(CLAIM_STUDY.run(folder, 2, duration=SHORT), table)
     asked = []
 
@@ -57,7 +64,7 @@ def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monke
         asked.append(cell.scenario.name)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("studies.core.runner.run_cell", noted)
+    monkeypatch.setattr("studies.core.run.run_cell", noted)
     with pytest.raises(KeyboardInterrupt):
         CLAIM_STUDY.run(folder, 3, duration=SHORT)
     assert asked == ["random-0-0002"]
@@ -165,7 +172,7 @@ def stub(monkeypatch):
         name="claims", default_events=7, run=study_run, statements=lambda _: [statement],
         settings={}, shown={}, claimed=lambda **_: (),
     )  # fmt: skip
-    monkeypatch.setattr("studies.core.collection.find_study", {"claims": study}.__getitem__)
+    monkeypatch.setattr("studies.core.study.find_study", {"claims": study}.__getitem__)
     return calls
 
 

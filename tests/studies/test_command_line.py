@@ -23,10 +23,9 @@ from alloc.rules import RULES
 from alloc.sources import ASIDE
 from studies.command_line.main import run
 from studies.command_line.options import command_of, settings_of
-from studies.core.collection import all_studies
 from studies.core.plugins import VARIABLE
 from studies.core.store import Store
-from studies.core.study import EachEvent, Study
+from studies.core.study import EachEvent, Study, all_studies
 from studies.files.study_error import StudyError
 from studies.scenario.loading import shipped_scenarios
 
@@ -91,7 +90,7 @@ def test_json_is_all_that_is_printed_holds_every_metric_and_a_second_call_runs_n
     assert content["about"]["scenarios"]["short"]["case"] == "A"
     assert content["about"]["seeds"] == [0, 1]
     assert {"code", "cores", "version_numba", "git_revision"} <= set(content["about"])
-    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    monkeypatch.setattr("studies.core.run.run_cell", None)
     assert call("compare", *names, "--no-figures", "--json", "--seeds", 2)[1] == out
 
 

@@ -16,18 +16,21 @@ from alloc.metrics.registry import UNLIMITED
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.host import CONTROLLERS
 from alloc.rules import RULES
-from studies.comparison.defaults import (
+from studies.comparison.summary import (
     DEFAULT_SEEDS,
     KEPT_RUNS,
+    RULE_CALL_TIME,
     SLOW_CONTROLLER,
     SLOW_RULES,
     default_grid,
     make_grid,
+    means_of,
+    summarise,
+    to_json,
 )
-from studies.comparison.summary import RULE_CALL_TIME, means_of, summarise, to_json
 from studies.comparison.table import tables
-from studies.core.controllers import check_controller, is_hosted
 from studies.core.drawn_events import COMPARED
+from studies.core.job import check_controller, is_hosted
 from studies.core.statement import mean_interval
 from studies.scenario.loading import load_scenario, shipped_scenarios
 

@@ -7,13 +7,18 @@ import xarray as xr
 
 from mpc.settings import SlipSearch
 from studies.core.statement import FAILS, HOLDS
-from studies.ladder.constant_rail_events import EVENTS, SETTLED, SHAPES, STARTS, measure, scenario
 from studies.ladder.constant_rail_study import (
     CONTROLLERS,
     CYCLE,
+    EVENTS,
+    SETTLED,
+    SHAPES,
     SLIP,
+    STARTS,
     cells,
     constant_rail_statements,
+    measure,
+    scenario,
 )
 
 TIME = np.arange(0.0, 7.0, 0.01)

@@ -55,7 +55,7 @@ def test_every_arm_meets_every_curve(swept):
 
 def test_a_second_sweep_runs_nothing(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    monkeypatch.setattr("studies.core.run.run_cell", None)
     pd.testing.assert_frame_equal(CURVE_STUDY.run(folder, 1, duration=SHORT), table)
     assert CURVE_STUDY.held(folder, duration=SHORT) == 1
     assert CURVE_STUDY.held(folder, seed=2, duration=SHORT) == 0

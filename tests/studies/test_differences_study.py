@@ -8,12 +8,17 @@ from alloc.rules import AllocationProblem
 from studies.core.cell import key_of
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.core.store import Store
-from studies.patent.difference_problems import EVENTS, KINDS, RULES, answer_rows, event, problem
 from studies.patent.differences_study import (
     DIFFERENCES,
+    EVENTS,
+    KINDS,
     PROBLEMS_PER_EVENT,
+    RULES,
     UNBOUNDED,
+    answer_rows,
     difference_statements,
+    event,
+    problem,
 )
 from tests.studies.sweep_tables import difference_table
 
@@ -36,7 +41,7 @@ def test_every_rule_answers_every_problem_and_event(swept):
 
 def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    monkeypatch.setattr("studies.core.run.run_cell", None)
     again = DIFFERENCES.run(folder, 12, duration=2.5)
     pd.testing.assert_frame_equal(again, table)
     asked = []
@@ -45,7 +50,7 @@ def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monke
         asked.append(cell.label)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("studies.core.runner.run_cell", noted)
+    monkeypatch.setattr("studies.core.run.run_cell", noted)
     with pytest.raises(KeyboardInterrupt):
         DIFFERENCES.run(folder, 3 * PROBLEMS_PER_EVENT, duration=2.5)
     assert asked == ["plain/0/0"]

@@ -9,7 +9,6 @@ from alloc.simulation import simulate
 from studies.core.claims import quantity
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from studies.files.study_error import StudyError
-from studies.patent.headroom_events import TRAINS, WANTED, draw, scenario
 from studies.patent.headroom_study import (
     BOUND,
     HEADROOM,
@@ -17,9 +16,13 @@ from studies.patent.headroom_study import (
     OWN,
     RULES,
     STRATA,
+    TRAINS,
+    WANTED,
+    draw,
     headroom_statements,
     in_stratum,
     pairs_of,
+    scenario,
     share_gained,
 )
 from tests.studies.headroom_tables import headroom_table

@@ -16,46 +16,47 @@ from alloc.simulation import simulate
 from studies.core.claims import meets
 from studies.core.statement import CONDITIONS, FAILS, HOLDS
 from studies.files.study_error import StudyError
-from studies.slides import calibration, ensemble, ensemble_study, members
-from studies.slides.calibration import (
-    JITTER,
-    draw,
-    from_unit_cube,
-    jittered,
-    reaches,
-    row_of,
-    to_unit_cube,
-    undisclosed_of,
+from studies.slides import ensemble_study, jp4209318
+from studies.slides.electric import STOPS, beyond_event, beyond_row, electric_event, electric_train
+from studies.slides.ensemble_study import (
+    KEPT,
+    LEAST_MEMBERS,
+    SLIDE_CALIBRATION,
+    Effort,
+    ensemble_statements,
+    search,
 )
-from studies.slides.electric import electric_event, electric_train
-from studies.slides.ensemble import KEPT, search
-from studies.slides.ensemble_statements import LEAST_MEMBERS, ensemble_statements
-from studies.slides.ensemble_study import SLIDE_CALIBRATION, Effort
-from studies.slides.extrapolation import STOPS, beyond_event, beyond_row
 from studies.slides.jp4209318 import (
     BOUNDS,
     CALIBRATED,
-    HALVED_STEP,
-    Undisclosed,
-    brake,
-    brake_event,
-    measures,
-    slide_train,
-)
-from studies.slides.members import HELD_OUT, MEMBERS
-from studies.slides.targets import (
     GREATEST_PEAK,
+    HALVED_STEP,
+    HELD_OUT,
     HOLD_OUT,
+    JITTER,
     LEAST_PEAK,
+    MEMBERS,
     REACHED,
     TABLE_3,
     TARGETS,
+    Undisclosed,
+    brake,
+    brake_event,
+    draw,
+    from_unit_cube,
     implausible,
+    jittered,
     logarithm,
+    measures,
     misfit,
     misfit_up_to,
     outcomes,
+    reaches,
     residuals,
+    row_of,
+    slide_train,
+    to_unit_cube,
+    undisclosed_of,
     unreached,
 )
 from tests.studies.slide_tables import AS_PRINTED
@@ -240,8 +241,8 @@ def stub():
         return value, numbers(undisclosed) if value <= most else None
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(ensemble, "misfit_up_to", up_to)
-        for module in (ensemble, calibration):
+        patched.setattr(ensemble_study, "misfit_up_to", up_to)
+        for module in (ensemble_study, jp4209318):
             patched.setattr(module, "outcomes", numbers)
         yield
 
@@ -290,11 +291,11 @@ def test_walkers_stay_where_the_posterior_is_and_sets_on_the_way_that_reach_all_
 
 
 def test_chosen_members_reach_and_differ_and_the_shipped_one_comes_first(table):
-    rows = members.chosen(table, "all", None)
+    rows = jp4209318.chosen(table, "all", None)
     assert undisclosed_of(rows.iloc[0]) == CALIBRATED
     assert not rows.duplicated(list(BOUNDS)).any()
     assert all(reaches(row) for row in rows.to_dict("records"))
-    held = members.chosen(table, "held out", HOLD_OUT)
+    held = jp4209318.chosen(table, "held out", HOLD_OUT)
     assert all(reaches(row, HOLD_OUT) for row in held.to_dict("records"))
 
 

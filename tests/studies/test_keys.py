@@ -13,15 +13,14 @@ from alloc.plant.train import DraftGear
 from alloc.simulation import inputs_hash
 from alloc.units import unit_of
 from mpc.settings import MpcSettings
-from studies.files.key_tables import tables_of
+from studies.files.json_schema import tables_of
 from studies.files.strict import parse
 from studies.files.study_error import StudyError
 from studies.scenario.file_kinds import FILE_KINDS, places_of, reference_page, schema_of_kind
 from studies.scenario.loading import load_scenario, shipped_scenarios
-from studies.scenario.onboard_keys import OnboardKeys
+from studies.scenario.onboard_keys import OnboardKeys, built
 from studies.scenario.rail_keys import LineKeys, RailKeys, ReceptivityKeys
-from studies.scenario.record_keys import built
-from studies.scenario.train_keys import DraftGearKeys
+from studies.scenario.train_file import DraftGearKeys
 
 ROOT = Path(__file__).parents[2]
 FILES = [

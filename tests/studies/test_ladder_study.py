@@ -74,7 +74,7 @@ def test_controllers_meet_the_same_events(swept):
 
 def test_a_second_sweep_runs_nothing(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    monkeypatch.setattr("studies.core.run.run_cell", None)
     pd.testing.assert_frame_equal(LADDER_STUDY.run(folder, 2, duration=SHORT), table)
     assert LADDER_STUDY.held(folder, duration=SHORT) == 2
     assert LADDER_STUDY.held(folder, seed=1, duration=SHORT) == 0

@@ -7,12 +7,10 @@ import pandas as pd
 import pytest
 
 from alloc.estimation.increments import DIRECTIONS, load_learning
-from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, VERDICTS
-from studies.patent import learning_starts as starts
+from studies.core.study import find_study
 from studies.patent import learning_study as study
-from studies.patent.learning_starts import ARMS
-from studies.patent.learning_study import LEARNING, PARTS, SERIES, TOLERANCE, per_series
+from studies.patent.learning_study import ARMS, LEARNING, PARTS, SERIES, TOLERANCE, per_series
 from tests.studies.learning_tables import falling, synthetic
 
 SHORT = 2.0
@@ -36,12 +34,12 @@ def test_the_study_is_known_by_name():
 
 def test_every_arm_meets_the_same_rails_and_others_meet_others(swept):
     _, table = swept
-    assert len(table) == 4 * len(starts.KINDS) * len(ARMS)
+    assert len(table) == 4 * len(study.KINDS) * len(ARMS)
     for _, rows in table.groupby([*SERIES, "station"]):
         assert rows["arm"].tolist() == list(ARMS)
         assert rows["seed"].nunique() == rows["level"].nunique() == 1
     assert table["seed"].nunique() == len(table) / len(ARMS)
-    assert table["level"].sub(starts.LEVEL).abs().max() <= starts.HALF_WIDTH
+    assert table["level"].sub(study.LEVEL).abs().max() <= study.HALF_WIDTH
 
 
 SAME = ("effort_ratio", "slip_time", "damage", "unit_detections")
@@ -67,9 +65,9 @@ def test_the_reference_is_of_no_consequence_where_nothing_is_learnt(swept):
 
 
 def test_every_case_is_what_its_name_says():
-    kinds = {kind.case: kind for kind in starts.KINDS}
+    kinds = {kind.case: kind for kind in study.KINDS}
     lost, failed, reports, sound = (
-        starts.station_event(starts.Series(kinds[case], "truth", 0, 1, 5, SHORT), "forward", 1)[0]
+        study.station_event(study.Series(kinds[case], "truth", 0, 1, 5, SHORT), "forward", 1)[0]
         for case in ("telegrams lost", "leader fails", "on reports", "sound")
     )
     assert [one.onboard.telegrams.loss for one in (lost, failed, reports, sound)] == [0.2, 0, 0, 0]
@@ -90,9 +88,9 @@ def test_arms_that_do_not_learn_keep_what_they_believe(swept):
 
 def test_memory_is_kept_per_direction_in_the_trains_file(swept, tmp_path, monkeypatch):
     _, table = swept
-    monkeypatch.setattr(starts.tempfile, "TemporaryDirectory", lambda: nullcontext(str(tmp_path)))
-    kind = starts.Kind("even", "too high", "sound")
-    starts.series_rows(starts.Series(kind, "Gaussian", 0, 2, 0, SHORT))
+    monkeypatch.setattr(study.tempfile, "TemporaryDirectory", lambda: nullcontext(str(tmp_path)))
+    kind = study.Kind("even", "too high", "sound")
+    study.series_rows(study.Series(kind, "Gaussian", 0, 2, 0, SHORT))
     known = load_learning(tmp_path / "learning.json", "commuter-8car")
     assert set(known) == set(DIRECTIONS)
     rows = table[(table["arm"] == "Gaussian") & (table[[*kind._fields]] == [*kind]).all(axis=1)]
@@ -104,7 +102,7 @@ def test_memory_is_kept_per_direction_in_the_trains_file(swept, tmp_path, monkey
 
 def test_what_a_folder_holds_is_not_run_again(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    monkeypatch.setattr("studies.core.run.run_cell", None)
     pd.testing.assert_frame_equal(LEARNING.run(folder, 4, duration=SHORT), table)
     assert LEARNING.held(folder, duration=SHORT) == 0  # no series of all stations
 

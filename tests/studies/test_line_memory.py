@@ -25,23 +25,22 @@ from studies.resistance.driven_cases import (
     PERIOD,
     RIGHT,
     SETTLE,
+    SQUARES,
     TAUGHT,
     TIME_CONSTANT,
     USED,
+    boarding,
     disturbances,
     drive_case,
-    feedback,
-)
-from studies.resistance.events import column
-from studies.resistance.learners import (
-    SQUARES,
-    boarding,
     even_loads,
+    feedback,
     learn_passes,
     learners,
     load_compensation,
 )
-from studies.resistance.line_errors import (
+from studies.resistance.events import column
+from studies.resistance.line_position_study import CLAIMS, KINDS, LINE_POSITION, cells, draw
+from studies.resistance.routes import (
     AIR,
     ALL,
     ARMS,
@@ -58,13 +57,10 @@ from studies.resistance.line_errors import (
     detector,
     driven_axles,
     read_line_errors,
+    route,
     rung,
     with_errors,
 )
-from studies.resistance.line_position_study import LINE_POSITION, cells
-from studies.resistance.position_events import draw
-from studies.resistance.position_statements import CLAIMS, KINDS
-from studies.resistance.routes import route
 from tests.studies.example_lines import short_route
 from tests.studies.position_tables import position_table
 

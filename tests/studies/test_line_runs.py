@@ -13,14 +13,18 @@ from alloc.plant.array_model import ArrayModel
 from alloc.plant.model import build
 from alloc.plant.train import TorqueLimit
 from studies.files.study_error import FileWarning, StudyError
-from studies.lines.distance_steps import run_by_distance
-from studies.lines.driving_style import DrivingStyle, legs, with_stops
 from studies.lines.line_run import LineRun, line_model, run_line
-from studies.lines.minimum_time import MinimumTimeDriver
 from studies.lines.named_files import find_stock
-from studies.lines.speed_profile import SpeedProfile
-from studies.lines.train_forces import TrainForces
-from studies.railtoolkit.records import PointOfInterest, RunningPath, Section
+from studies.lines.speed_profile import (
+    DrivingStyle,
+    MinimumTimeDriver,
+    SpeedProfile,
+    TrainForces,
+    legs,
+    run_by_distance,
+    with_stops,
+)
+from studies.railtoolkit.vehicles import PointOfInterest, RunningPath, Section
 from tests.plant.numpy_plant import environment_at
 from tests.studies.example_lines import EXAMPLE_PATH, example_stock
 

@@ -19,17 +19,12 @@ from alloc.plant.model import Model
 from alloc.simulation import simulate
 from studies.command_line.main import run
 from studies.files.study_error import FileWarning, StudyError
-from studies.lines.distance_steps import run_by_distance
-from studies.lines.driving_style import legs, with_stops
-from studies.lines.line_run import line_model, run_line
-from studies.lines.lumped_train import lumped
-from studies.lines.named_files import LINES, find_line, find_stock, shipped
+from studies.lines.line_run import line_model, lumped, run_line
+from studies.lines.named_files import LINES, find_line, find_stock, shipped, with_real_input
 from studies.lines.named_files import TRAINS as TRAINS_SHIPPED
-from studies.lines.real_input import with_real_input
-from studies.lines.speed_profile import SpeedProfile
-from studies.lines.train_forces import TrainForces
+from studies.lines.speed_profile import SpeedProfile, TrainForces, legs, run_by_distance, with_stops
 from studies.railtoolkit.reading import read_rolling_stock
-from studies.railtoolkit.records import PointOfInterest, RunningPath, sections
+from studies.railtoolkit.vehicles import PointOfInterest, RunningPath, sections
 from studies.scenario.loading import load_scenario
 from tests.plant.numpy_plant import environment_at
 from tests.studies.other_programs import PlainRun, PlainVehicle, exact_time, published_scheme

@@ -11,11 +11,12 @@ from alloc.simulation import simulate
 from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import FAILS, HOLDS
 from studies.ladder.events import draw
-from studies.ladder.mismatch_events import (
+from studies.ladder.mismatch_study import (
     DELAYED,
     EVERYWHERE,
     GIVEN,
     MIDDLE,
+    MISMATCH,
     NOISES,
     OWN,
     RAILS,
@@ -26,10 +27,12 @@ from studies.ladder.mismatch_events import (
     SHARES,
     SOUGHT,
     Place,
+    cells,
+    meant,
+    mismatch_statements,
     scenario,
     settings_at,
 )
-from studies.ladder.mismatch_study import MISMATCH, cells, meant, mismatch_statements
 from tests.studies.mismatch_tables import mismatch_table
 
 

@@ -10,7 +10,6 @@ import pandas as pd
 
 import studies
 from studies.core.claims import ABOUT, AT_LEAST, AT_MOST, Claim, conjunction, meets
-from studies.core.collection import all_studies
 from studies.core.statement import (
     CONDITIONS,
     FAILS,
@@ -22,6 +21,7 @@ from studies.core.statement import (
     decide,
     side,
 )
+from studies.core.study import all_studies
 
 ROOT = Path(studies.__file__).parent
 CHOSEN = {"HOLDS", "FAILS", "CONDITIONS", "UNDECIDED", "TOO_FEW", "VERDICTS"}

@@ -15,7 +15,7 @@ from alloc.plant.sets import find_set
 from alloc.rules import RULES
 from alloc.rules.testing import drawn_cases
 from mpc.export import export_unit
-from studies.citation.run_parts import ASSUMED, PARTLY, SOURCED, documents_of, values_of
+from studies.report.run_parts import ASSUMED, PARTLY, SOURCED, documents_of, values_of
 from studies.scenario.loading import load_scenario, shipped_scenarios
 from tests.docs.pages import ROOT, blocks
 from tests.studies.conftest import SHORT

@@ -12,11 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import studies.core.parts
+import studies.core.store
 from studies.core.cell import Key
-from studies.core.checked_file import StoreWarning
-from studies.core.single_table import SUMS, TABLE
-from studies.core.store import Store
+from studies.core.store import SUMS, TABLE, Store, StoreWarning
 from studies.files.study_error import StudyError
 
 
@@ -32,10 +30,10 @@ def files(folder: Path) -> list[Path]:
 
 @pytest.fixture
 def small_files(monkeypatch):
-    monkeypatch.setattr(studies.core.parts, "FULL", 5)
-    monkeypatch.setattr(studies.core.parts, "MANY", 3)
-    monkeypatch.setattr(studies.core.parts, "LARGE", 12)
-    monkeypatch.setattr(studies.core.parts, "AGE", -1.0)
+    monkeypatch.setattr(studies.core.store, "FULL", 5)
+    monkeypatch.setattr(studies.core.store, "MANY", 3)
+    monkeypatch.setattr(studies.core.store, "LARGE", 12)
+    monkeypatch.setattr(studies.core.store, "AGE", -1.0)
 
 
 WRITES = st.lists(
@@ -223,7 +221,7 @@ def test_a_list_of_files_that_comes_late_is_asked_for_again(tmp_path, small_file
 
 
 def test_files_that_may_still_be_lengthened_are_left_alone(tmp_path, small_files, monkeypatch):
-    monkeypatch.setattr(studies.core.parts, "AGE", 600.0)
+    monkeypatch.setattr(studies.core.store, "AGE", 600.0)
     for k in range(7):
         Store(tmp_path).add([row(k)])
     before = files(tmp_path)
@@ -276,7 +274,7 @@ def test_of_a_large_table_only_the_files_that_hold_the_rows_are_read(
     store.cells()
     read = []
     monkeypatch.setattr(
-        studies.core.parts, "read_checked", lambda path: read.append(path) or path.read_bytes()
+        studies.core.store, "read_checked", lambda path: read.append(path) or path.read_bytes()
     )
     assert len(store.rows_of([Key("", f"{k:016x}", "") for k in (6, 8)])) == 2
     assert len(read) == 1

@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies.core.ensemble_range import median_of, over_members, range_of
+from studies.core.calibration import median_of, over_members, range_of
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, Statement, single
 from studies.readhesion_paper import calibration
 from studies.readhesion_paper.calibration import (
     LEAST_MET,
+    MEMBERS,
     NOT_ASKED_OF_ALL,
     RANGES,
     best,
@@ -26,7 +27,6 @@ from studies.readhesion_paper.calibration import (
 )
 from studies.readhesion_paper.calibration_study import CALIBRATION, LEAST_SETS
 from studies.readhesion_paper.findings import CLAIMS
-from studies.readhesion_paper.members import MEMBERS
 from studies.readhesion_paper.paper import ASSUMED, CALIBRATED, RIVAL, UNITS
 from tests.studies.readhesion_tables import calibration_table
 

@@ -15,7 +15,8 @@ from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
-from studies.readhesion_paper import sensitivity as readhesion_grid
+from studies.readhesion_paper import calibration as readhesion_grid
+from studies.readhesion_paper.calibration import FINE_STEP, Cases, grid_tables, search_limits
 from studies.readhesion_paper.findings import (
     CLAIMS,
     UNMET,
@@ -49,7 +50,6 @@ from studies.readhesion_paper.paper import (
     signals_of,
     slip_spans,
 )
-from studies.readhesion_paper.sensitivity import FINE_STEP, Cases, grid_tables, search_limits
 from tests.plant.numpy_plant import compiled_rate
 from tests.studies.readhesion_tables import index_rows, limit_of
 

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
+from studies.core.study import find_study
 from studies.readhesion_paper import study
 from studies.readhesion_paper.findings import CLAIMS
 from studies.readhesion_paper.study import NARROW, PRINTED, READHESION

@@ -15,18 +15,22 @@ from hypothesis.extra.numpy import arrays
 from alloc.metrics.use import headroom
 from studies.comparison.summary import REFERENCE, SummaryLine
 from studies.comparison.table import COLUMNS
-from studies.core.collection import study_folder
 from studies.core.job import simulate_job
 from studies.core.statement import Interval
+from studies.core.study import study_folder
 from studies.files.study_error import StudyError
-from studies.patent.headroom_events import measure
-from studies.patent.headroom_study import HEADROOM
+from studies.patent.headroom_study import HEADROOM, measure
 from studies.report import page
-from studies.report.answer import EQUAL, GAIN, sentences, sign_of, standings
-from studies.report.gains import drawn_gains
-from studies.report.packing import pack, unpack
-from studies.report.replay import KEPT, kept
-from studies.report.result_table import table_rows
+from studies.report.answer import (
+    EQUAL,
+    GAIN,
+    drawn_gains,
+    sentences,
+    sign_of,
+    standings,
+    table_rows,
+)
+from studies.report.replay import KEPT, kept, pack, unpack
 from studies.scenario.loading import load_scenario
 from tests.studies import report_pages
 from tests.studies.conftest import SHORT
@@ -306,7 +310,7 @@ def test_a_second_call_runs_nothing_and_replaces_the_file_or_leaves_the_old_one(
     assert sorted(rows.iterdir()) == before
     first = file.read_text()
     file.write_text("old")
-    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    monkeypatch.setattr("studies.core.run.run_cell", None)
     code, out, _ = call(*report)
     assert code == 0
     assert "4 runs, 2 replays" in out

@@ -4,13 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.core.collection import find_study
 from studies.core.statement import FAILS, HOLDS, TOO_FEW, VERDICTS
+from studies.core.study import find_study
 from studies.resistance import study
 from studies.resistance.driven_cases import EXACT, LEARNED, RIGHT, WRONGLY
 from studies.resistance.events import WRONG_BY, column, draw, drawn_route
-from studies.resistance.statements import MOUTH
-from studies.resistance.study import RESISTANCE
+from studies.resistance.study import MOUTH, RESISTANCE
 from tests.studies.resistance_tables import resistance_table
 
 

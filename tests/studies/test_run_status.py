@@ -10,10 +10,9 @@ import pytest
 from alloc import simulation
 from alloc.onboard.host import CONTROLLERS, HostedController, TorqueDecision, each_unit
 from alloc.rules import RULES
-from studies.comparison.grid import Grid
-from studies.comparison.summary import summarise
-from studies.core.run_status import MOST_FAILURES
-from studies.core.runner import run_cells
+from studies.comparison.summary import Grid, summarise
+from studies.core.job import MOST_FAILURES
+from studies.core.run import run_cells
 from studies.core.store import Store
 
 STEPS = 200

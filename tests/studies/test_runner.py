@@ -6,14 +6,14 @@ import sys
 import numpy as np
 import pytest
 
-import studies.core.runner
+import studies.core.run
 from alloc.metrics import METRICS
 from alloc.onboard.host import CONTROLLERS, HostedController, each_unit
 from alloc.recording import load
-from studies.comparison.grid import Grid
+from studies.comparison.summary import Grid
 from studies.core.cell import key_of, run_cell
 from studies.core.job import Job, simulate_job
-from studies.core.runner import run_cells
+from studies.core.run import run_cells
 from studies.core.store import Store
 from studies.files.study_error import StudyError
 
@@ -35,7 +35,7 @@ def runs(monkeypatch):
         labels.append(cell.label)
         return run_cell(cell, *rest)
 
-    monkeypatch.setattr(studies.core.runner, "run_cell", counted)
+    monkeypatch.setattr(studies.core.run, "run_cell", counted)
     return labels
 
 
@@ -175,7 +175,7 @@ import sys
 
 from alloc.rules import RULES
 from studies.core.cell import Task
-from studies.core.runner import run_cells
+from studies.core.run import run_cells
 from studies.core.store import Store
 
 

@@ -9,8 +9,8 @@ from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.files.study_error import StudyError
-from studies.stops.sander_placement import AMOUNT, PLACEMENTS, RATE, USUAL, caps, placed, shares
 from studies.stops.sander_trial import (
+    AMOUNT,
     CALIBRATED,
     DEMAND,
     DISTANCES,
@@ -20,12 +20,18 @@ from studies.stops.sander_trial import (
     HIGH,
     INITIAL_SPEED,
     LOW,
+    PLACEMENTS,
+    RATE,
     SOURCES,
     TOLERANCE,
+    USUAL,
     calibrate,
+    caps,
     coupled_units,
     distances,
+    placed,
     rail,
+    shares,
     stop,
 )
 from studies.stops.sanders_study import SANDERS, sander_statements

@@ -9,14 +9,11 @@ from hypothesis import strategies as st
 import studies.core.study
 from alloc.recording import load
 from studies.core.cell import Key, Task
-from studies.core.checked_file import StoreWarning
-from studies.core.collection import all_studies
 from studies.core.job import Job
-from studies.core.shard import Shard, read_shard
+from studies.core.run import Shard, read_shard
 from studies.core.statement import HOLDS, Statement
-from studies.core.store import Store
-from studies.core.study import EachEvent, Study
-from studies.core.union import unite
+from studies.core.store import Store, StoreWarning, unite
+from studies.core.study import EachEvent, Study, all_studies
 from studies.files.study_error import StudyError
 from tests.studies.test_store import DAMAGES, RUN
 
@@ -300,7 +297,7 @@ def test_a_union_that_was_interrupted_is_finished_by_the_same_command(tmp_path, 
 
     with monkeypatch.context() as patch:
         patch.setattr(
-            "studies.core.union.write_whole", lambda path, write: (killed(path), write(path))
+            "studies.core.store.write_whole", lambda path, write: (killed(path), write(path))
         )
         with pytest.raises(KeyboardInterrupt):
             unite(folders, tmp_path / "whole")

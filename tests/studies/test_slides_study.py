@@ -5,12 +5,11 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
+from studies.core.study import find_study
 from studies.slides import study
-from studies.slides.statements import slide_statements, tables
-from studies.slides.study import SLIDE_PROTECTION
-from studies.slides.targets import TABLE_3, TABLE_4, TARGETS, front
+from studies.slides.jp4209318 import TABLE_3, TABLE_4, TARGETS, front
+from studies.slides.study import SLIDE_PROTECTION, slide_statements, tables
 from tests.studies.slide_tables import slide_table
 
 

@@ -18,8 +18,7 @@ import xarray as xr
 from alloc.recording import load
 from alloc.sources import ASIDE
 from studies.core.cell import Key
-from studies.core.checked_file import StoreWarning, write_checked
-from studies.core.store import Store
+from studies.core.store import Store, StoreWarning, write_checked
 from studies.files.study_error import StudyError
 
 DAMAGES = (lambda whole: whole[: len(whole) // 2], lambda whole: b"", lambda whole: b"no table")

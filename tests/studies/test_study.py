@@ -4,10 +4,9 @@ import pandas as pd
 import pytest
 
 from studies.core.cell import Task
-from studies.core.collection import all_studies, find_study
 from studies.core.statement import HOLDS, Statement
 from studies.core.store import Store
-from studies.core.study import EachEvent, Study
+from studies.core.study import EachEvent, Study, all_studies, find_study
 from studies.files.study_error import StudyError
 
 calls: list[tuple[int, int]] = []

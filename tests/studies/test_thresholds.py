@@ -9,10 +9,9 @@ import pytest
 
 from studies.core.cell import Task
 from studies.core.claims import Claim, decisive, fingerprint, freeze, frozen
-from studies.core.collection import all_studies
 from studies.core.statement_report import about, frozen_words
-from studies.core.study import EachEvent, Study
-from studies.core.union import unite
+from studies.core.store import unite
+from studies.core.study import EachEvent, Study, all_studies
 from studies.patent.claims_study import CLAIMS
 
 RECORD = Path(__file__).with_name("claim_thresholds.json")

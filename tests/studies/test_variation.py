@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from alloc.simulation import inputs_hash, simulate
-from studies.comparison.defaults import make_grid
+from studies.comparison.summary import make_grid
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario, shipped_scenarios
-from studies.scenario.variation_keys import Day, VariationKeys
+from studies.scenario.scenario import Day, VariationKeys
 
 RAIL = {"level": 0.05, "increments": {"law": "logarithmic"}}
 QUIET = {"rail": RAIL, "onboard": {}, "variation": None}

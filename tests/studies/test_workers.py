@@ -15,18 +15,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import studies.core.first_work
-import studies.core.workers
+import studies.core.run
 from alloc.metrics import METRICS
 from alloc.rules.rule import RULES, Rule
 from studies.command_line.main import run
-from studies.comparison.grid import Grid
+from studies.comparison.summary import Grid
 from studies.core.cell import Task
-from studies.core.first_work import alone_at_first
-from studies.core.runner import _tasks, run_cells
+from studies.core.run import Workers, _tasks, alone_at_first, cluster, processes, run_cells, workers
 from studies.core.store import Store
 from studies.core.study import Study
-from studies.core.workers import Workers, cluster, processes, workers
 from studies.files.study_error import StudyError
 from studies.scenario.scenario import Scenario
 
@@ -119,7 +116,7 @@ def test_a_cluster_computes_the_same_numbers_as_this_process(short, tmp_path, sc
     ],
 )
 def test_a_cluster_that_cannot_be_had_is_one_line(words, said, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(studies.core.workers, "CONNECT_TIME", 0.2)
+    monkeypatch.setattr(studies.core.run, "CONNECT_TIME", 0.2)
     assert run(["sweep", "claims", "--events", "1", "--out", str(tmp_path), *words]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
@@ -127,7 +124,7 @@ def test_a_cluster_that_cannot_be_had_is_one_line(words, said, tmp_path, capsys,
 
 @needs_dask
 def test_a_cluster_without_workers_is_one_line(monkeypatch):
-    monkeypatch.setattr(studies.core.workers, "CONNECT_TIME", 0.5)
+    monkeypatch.setattr(studies.core.run, "CONNECT_TIME", 0.5)
     none = pytest.raises(StudyError, match="has no workers; start some: dask worker tcp://")
     with local_cluster(0) as address, none, cluster(address):
         pass
@@ -136,7 +133,7 @@ def test_a_cluster_without_workers_is_one_line(monkeypatch):
 def test_processes_serve_all_stages_of_a_study(tmp_path, monkeypatch):
     counts = []
     monkeypatch.setattr(
-        studies.core.workers, "processes", lambda count: counts.append(count) or processes(count)
+        studies.core.run, "processes", lambda count: counts.append(count) or processes(count)
     )
     study = Study(
         name="squares", question="which", default_events=4, judge=lambda table: [],
@@ -183,10 +180,10 @@ def test_a_rule_that_breaks_fails_its_own_row_alone(short, tmp_path, monkeypatch
 def own_place(tmp_path, monkeypatch):
     """Locks and marks of this test alone."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(studies.core.first_work, "_KNOWN", set())
-    studies.core.first_work._place.cache_clear()
+    monkeypatch.setattr(studies.core.run, "_KNOWN", set())
+    studies.core.run._place.cache_clear()
     yield
-    studies.core.first_work._place.cache_clear()
+    studies.core.run._place.cache_clear()
 
 
 def test_the_first_work_with_a_program_goes_alone_and_what_follows_does_not(own_place):

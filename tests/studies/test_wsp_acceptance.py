@@ -18,34 +18,34 @@ from alloc.plant.sets import find_set
 from alloc.simulation import simulate
 from studies.core.statement import FAILS, HOLDS, TOO_FEW
 from studies.files.study_error import StudyError
-from studies.stops.acceptance_cases import (
+from studies.stops.wsp_acceptance_study import (
     BELIEF,
+    CURVES,
     DRAWN,
     JUMP,
     LEVELS,
     PATCHED,
+    REFERENCE_SPEED,
+    ROLLING,
     UNIFORM,
+    WSP_ACCEPTANCE,
+    acceptance_statements,
+    adhesion_share,
+    air_braked,
+    cells,
     chosen_cases,
     discs,
     drawn_case,
+    gripping,
     longest_lock,
     measured,
+    perfect_stop,
+    rail_of,
     shoes,
+    stop_of,
     stopped_run,
     table_cases,
 )
-from studies.stops.acceptance_stops import (
-    CURVES,
-    REFERENCE_SPEED,
-    ROLLING,
-    adhesion_share,
-    air_braked,
-    gripping,
-    perfect_stop,
-    rail_of,
-    stop_of,
-)
-from studies.stops.wsp_acceptance_study import WSP_ACCEPTANCE, acceptance_statements, cells
 from tests.studies.acceptance_tables import acceptance_table
 
 TRAIN = discs(2)

@@ -1,1 +1,0 @@
-"""Which documents a run rests on, and where its values come from."""
