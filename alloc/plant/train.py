@@ -172,10 +172,10 @@ class Motors:
         A single motor on an inverter has all of its torque.
         """
         kind = 0.0 if self.group == "1C1M" else float(get_args(MotorKind).index(self.kind))
-        return (
-            kind,
-            *(1.0 if math.isinf(x) else x for x in (self.breakdown_torque, self.slip_speed)),
+        breakdown, slip = (
+            1.0 if math.isinf(one) else one for one in (self.breakdown_torque, self.slip_speed)
         )
+        return kind, breakdown, slip
 
 
 @displayed
