@@ -89,18 +89,21 @@ def record_noted(plant, k, record):
 USED = 0.995
 """Share of the true adhesion that the oracle's units use. At the very peak a torque is not held."""
 
-AHEAD = 0.02
-"""Time [s] by which the oracle looks ahead: its torque is kept for a control period and lags behind its command."""
+LAGS_AHEAD = 2.0
+"""Lags of the motors' torque by which the oracle looks ahead, beyond the control period for which it keeps its torque."""
 
 
 @inlined_jit
 def _least_adhesion(w, eq, time, truth, trailing):
-    """Lower `truth` (units,) and `trailing` (groups,) to the force per axle [N] that the weakest axle of each can carry.
+    """Lower `truth` (units,) and `trailing` (groups,) to the force per axle [N] that each can carry.
 
-    It is that of the state in the workspace's scratch.
+    It is that of the weakest axle, or of the mean axle where a unit's motors share an inverter or a voltage, for these give
+    more torque to the axles that slip less. The state is that in the workspace's scratch.
     """
-    y, axle = w.scratch.state, w.axle
+    y, axle, shared = w.scratch.state, w.axle, w.scratch.unit_speed
     peak_field(w, time, y)
+    for j in range(truth.size):
+        shared[j] = 0.0
     for i in range(w.size.axles):
         j, g = eq.axle_unit[i], eq.axle_group[i]
         if j >= 0 or g >= 0:
@@ -109,15 +112,20 @@ def _least_adhesion(w, eq, time, truth, trailing):
                 w.rail.curve_kind, w.rail.curve, w.scratch.peak[i], v, axle.contact[i]
             )
             load = axle.static_load[i] - axle.unloading[i] * w.scratch.car_force[axle.car[i]]
-            if j >= 0:
-                truth[j] = min(truth[j], USED * limit * load)
-            else:
+            if j < 0:
                 trailing[g] = min(trailing[g], USED * limit * load)
+            elif axle.motor[0, i] > 0.0:
+                shared[j] += USED * limit * load / eq.axles[j]
+            else:
+                truth[j] = min(truth[j], USED * limit * load)
+    for j in range(truth.size):
+        if shared[j] > 0.0:
+            truth[j] = min(truth[j], shared[j])
 
 
 @inlined_jit
-def true_limits(plant, eq, time, sign, braking, truth, trailing):
-    """Coefficient of each unit whose torque the rail just carries: that of its weakest axle, whose wheels slip first.
+def true_limits(plant, eq, time, period, sign, braking, truth, trailing):
+    """Coefficient of each unit whose torque the rail just carries, now and as far ahead as its torque cannot be changed.
 
     Part of the torque turns the wheelsets as the train goes, not as the plan has it.
     """
@@ -128,9 +136,12 @@ def true_limits(plant, eq, time, sign, braking, truth, trailing):
         trailing[g] = np.inf
     compiled.pack(w, plant.state, w.scratch.state)
     _least_adhesion(w, eq, time, truth, trailing)
+    ahead = period
+    for j in range(truth.size):
+        ahead = max(ahead, period + LAGS_AHEAD / w.unit.inverse_lag[j])
     for b in range(w.size.bodies):
-        w.scratch.state[w.row.position + b] += AHEAD * w.scratch.state[w.row.speed + b]
-    _least_adhesion(w, eq, time + AHEAD, truth, trailing)
+        w.scratch.state[w.row.position + b] += ahead * w.scratch.state[w.row.speed + b]
+    _least_adhesion(w, eq, time + ahead, truth, trailing)
     for j in range(truth.size):
         turning = eq.inertia[j] / eq.radius[j] ** 2 * sign * w.noted.acceleration[eq.unit_body[j]]
         share = 1.0 + (eq.brake_inertia[j] if braking else eq.own_inertia[j])
@@ -241,7 +252,8 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             needed = prepare_allocation(eq, st, m, time, tick, a, failed)
             if needed and st.rule.caps == Caps.TRUE:
                 sign = 1.0 if a >= 0.0 else -1.0
-                true_limits(plant, eq, time, sign, eq.blended and a < 0.0, m.truth, m.air_most)
+                braking = eq.blended and a < 0.0
+                true_limits(plant, eq, time, timing.period, sign, braking, m.truth, m.air_most)
             progress.phase[0] = DISTRIBUTE
             if needed:
                 m.counter.rule_calls[0] += 1

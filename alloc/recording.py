@@ -117,6 +117,7 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "axle_car": ("1", "car of the axle, 0 = foremost"),
         "axle_group": ("1", "air brake group of the axle, 0 = foremost, -1: none"),
         "axle_static_load": ("N", "axle load at rest"),
+        "axle_radius": ("m", "wheel radius"),
         "axle_turning_mass": ("kg", "mass that would resist like the turning wheelset"),
     },
     ("brake_group",): {"group_volume": ("m3", "volume of the group's brake cylinders")},
@@ -124,6 +125,7 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "unit_static_load": ("N", "axle load of the unit's axles, summed"),
         "unit_gear": ("1", "gear ratio"),
         "unit_radius": ("m", "wheel radius"),
+        "unit_parallel": ("1", "whether its motors share an inverter or a voltage", "int8"),
         "learnt_increment": ("1", "increment of adhesion over the foremost unit by the run's end"),
         "learnt_deviation": ("1", "standard deviation of that, where the learner states one"),
         "learnt_behind": ("1", "data behind that"),
@@ -273,11 +275,14 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
         "axle_car": s.axle_car,
         "axle_group": s.axle_group,
         "axle_static_load": s.static_load,
+        "axle_radius": s.radius,
         "axle_turning_mass": s.inertia / s.radius**2,
         "group_volume": np.array([brake.cylinder_volume for brake in model.train.brake_groups]),
         "unit_static_load": unit_load,
         "unit_gear": s.unit_gear,
         "unit_radius": unit_radius / np.maximum(s.unit_axles, 1.0),
+        "unit_parallel": np.bincount(s.axle_unit[driven], s.axle_motor[0, driven] > 0.0, n.units)
+        > 0.0,
         "body_mass": s.body_mass,
     }
 

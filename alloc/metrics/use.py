@@ -36,6 +36,9 @@ JERK_CUT_OFF = 5.0
 """Cut-off frequency [Hz] of the low-pass on car acceleration before it is differentiated. Longitudinal ride comfort depends
 on frequencies of a few hertz."""
 
+MILD, SEVERE = 100.0, 200.0
+"""T gamma of a wheel [N] up to which wear is mild, and above which it is catastrophic: regimes of British Rail Research, see
+`wheel_wear`."""
 STANDSTILL = 0.01
 """Speed [m/s] below which a braked train counts as standing: it has less than a millimetre to go."""
 
@@ -122,6 +125,59 @@ def damage(run: xr.Dataset) -> float:
     """Wheel damage Q of JP4209318 (28), for driving too [kJ]; integrated with the plant's own step."""
     work = series(run, "friction_work")
     return float((work[-1] - work[0]).sum() / 1e3)
+
+
+@once_per_run
+def wear_numbers(run: xr.Dataset) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """T gamma [N] of each wheel of every axle, (instants - 1, axle), and the way [m] over which it acts, (instants - 1, 1).
+
+    Creep force times creepage is the work that a wheel dissipates per metre of its way. Half of an axle's belongs to each
+    wheel; it is the mean from one record to the next. 0 at a stand.
+    """
+    work = np.maximum(np.diff(series(run, "friction_work"), axis=0), 0.0)
+    way = np.abs(np.diff(series(run, "position")))[:, None]
+    return np.divide(0.5 * work, way, out=np.zeros_like(work), where=way > 0.0), way
+
+
+@metric("wear_number", "N", "T gamma of a wheel, mean over way and axles", -1, NEVER_NEGATIVE)
+def wear_number(run: xr.Dataset) -> float:
+    """Mean T gamma of a wheel [N] over the way; nan where the train stands."""
+    number, way = wear_numbers(run)
+    return (
+        float((number * way).sum() / (way.sum() * number.shape[1])) if way.sum() else float("nan")
+    )
+
+
+@metric(
+    "severe_work",
+    "1",
+    f"share of wheel damage Q done at T gamma above {SEVERE:g} N",
+    -1,
+    SHARE,
+)
+def severe_work(run: xr.Dataset) -> float:
+    """Share of the dissipated work that wheels do in the regime of catastrophic wear; nan where there is none."""
+    number, way = wear_numbers(run)
+    return _share(np.where(number > SEVERE, number * way, 0.0), number * way)
+
+
+@metric(
+    "wheel_wear",
+    "mm2",
+    "cross-section worn off the treads, all wheels together",
+    -1,
+    NEVER_NEGATIVE,
+)
+def wheel_wear(run: xr.Dataset) -> float:
+    """Loss of cross-section [mm2] of all wheels, by British Rail Research's function of T gamma.
+
+    Per kilometre and wheel diameter D [mm] it is 0.25 T gamma / D up to 100 N, 25 / D up to 200 N, (1.19 T gamma - 154) / D
+    beyond (Pearce and Sherratt, Prediction of wheel profile wear, Wear 144 (1991) 343-351).
+    """
+    number, way = wear_numbers(run)
+    rate = np.where(number > SEVERE, 1.19 * number - 154.0, 0.25 * np.minimum(number, MILD))
+    diameter = 2e3 * series(run, "axle_radius")
+    return float(2.0 * (1e-3 * way * rate / diameter).sum())
 
 
 @metric("distance", "m", "distance run until the end, or until the target speed", 0)
@@ -238,6 +294,8 @@ class TrainBounds(NamedTuple):
     """Delivered force; less than 0 where a train turns wheels that its motors do not."""
     held_back: Floats
     """Shortfall from the bound at units that deliver less than they could while their own controllers limit them."""
+    equal: Floats
+    """The bound if every motor of a unit gave the same torque, which its weakest axle then limits."""
 
 
 @once_per_run
@@ -265,7 +323,9 @@ def _weakest(values: Floats, groups: NDArray[np.int64], count: int) -> Floats:
 def train_bounds(run: xr.Dataset) -> TrainBounds:
     """Plan, bounds and force at the instants that count.
 
-    The bound is min(plan, sum over units of min(motor limit, axles x force available at the weakest axle)). Under blended
+    The bound is min(plan, sum over units of min(motor limit, what its axles carry)). A unit's axles carry the force that is
+    available at the weakest one, times their number, where its motors give equal torques. Where motors share an inverter or
+    a voltage, torque moves to the axles that slip less, and they carry the sum of what is available to each. Under blended
     brakes, air makes up for the motors. Each trailer's brake group adds its own part of the plan, as far as the rail carries
     it.
     """
@@ -278,7 +338,7 @@ def train_bounds(run: xr.Dataset) -> TrainBounds:
     driven = unit >= 0
     own = expected[:, None] * series(run, "unit_static_load")
     units = run.sizes["unit"]
-    most = _weakest(available, unit, units)
+    weakest, shared = _weakest(available, unit, units), series(run, "unit_parallel") > 0
     axles = np.bincount(unit[driven], minlength=units)
     at_rail = axles * series(run, "unit_gear") / series(run, "unit_radius")
     signed = np.where(
@@ -291,8 +351,14 @@ def train_bounds(run: xr.Dataset) -> TrainBounds:
     gained = np.maximum(direction(run) * series(run, "acceleration"), 0.0)[chosen]
     # less than 0 where the train turns wheels whose motors have failed
     motors = at_rail * signed - turning * gained[:, None]
-    most = np.minimum(most, np.where(braking[:, None] & blended, np.inf, motors))
-    plan, bound = own.sum(axis=1), np.maximum(most.sum(axis=1), 0.0)
+    motors = np.where(braking[:, None] & blended, np.inf, motors)
+    most = equal = np.minimum(weakest, motors)
+    if shared.any():
+        most = np.minimum(np.where(shared, _of_units(available, unit, units), weakest), motors)
+    plan, bound, same = (
+        own.sum(axis=1),
+        *(np.maximum(one.sum(axis=1), 0.0) for one in (most, equal)),
+    )
     apart = np.maximum(np.minimum(own, most).sum(axis=1), 0.0)
     delivered = force[:, driven].sum(axis=1)
     if blended:
@@ -301,7 +367,8 @@ def train_bounds(run: xr.Dataset) -> TrainBounds:
         planned = expected[:, None] * np.bincount(inside, series(run, "axle_static_load")[trailing])
         carried = np.minimum(planned, _weakest(available[:, trailing], inside, numbers.size))
         for total, part in (
-            (plan, planned), (bound, carried), (apart, carried), (delivered, force[:, trailing]),
+            (plan, planned), (bound, carried), (same, carried), (apart, carried),
+            (delivered, force[:, trailing]),
         ):  # fmt: skip
             total += np.where(braking, part.sum(axis=1), 0.0)
     bound = np.minimum(plan, bound)
@@ -310,7 +377,9 @@ def train_bounds(run: xr.Dataset) -> TrainBounds:
     unused = np.clip(most - _of_units(force, unit, units), 0.0, np.maximum(most, 0.0))
     short = bound - np.clip(delivered, 0.0, bound)
     held_back = np.minimum((limited * unused).sum(axis=1), short)
-    return TrainBounds(plan, bound, np.minimum(plan, apart), delivered, held_back)
+    return TrainBounds(
+        plan, bound, np.minimum(plan, apart), delivered, held_back, np.minimum(plan, same)
+    )
 
 
 def _of_units(values: Floats, unit: NDArray[np.int64], units: int) -> Floats:
@@ -337,6 +406,22 @@ def bound_use(run: xr.Dataset) -> float:
     """
     found = train_bounds(run)
     return _share(np.clip(found.force, 0.0, found.bound), found.bound)
+
+
+@metric(
+    "equal_torque_use",
+    "1",
+    "effort over the bound if all motors of a unit gave the same torque",
+    +1,
+    NEVER_NEGATIVE,
+)
+def equal_torque_use(run: xr.Dataset) -> float:
+    """As `bound_use`, over the bound of motors with equal torques; above 1 where motors in parallel carry more.
+
+    The two are the same where every motor has a torque control of its own.
+    """
+    found = train_bounds(run)
+    return _share(np.clip(found.force, 0.0, found.bound), found.equal)
 
 
 @metric(

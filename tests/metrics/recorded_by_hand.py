@@ -108,6 +108,8 @@ VARIABLES = {
     "unit_static_load": ("unit", [1.5e5, 3e5]),
     "unit_gear": ("unit", [6.0, 7.0]),
     "unit_radius": ("unit", [0.5, 0.4]),
+    "unit_parallel": ("unit", [0, 0]),
+    "axle_radius": ("axle", [0.5, 0.5, 0.45, 0.4, 0.4, 0.4]),
 }  # fmt: skip
 
 ATTRIBUTES = {

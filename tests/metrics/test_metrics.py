@@ -90,8 +90,16 @@ EXPECTED = {
     / ((7000 + 12600) + 4 * (5600 + 12600) + (14400 + 12000 + 23400) + (14400 + 20000 + 23400)),
     # from 20 to 30 it delivers 47000 N, which is more than its bound
     "bound_use": (10 * (MOST_0 + MOST_1) + MOST_0_LATE + MOST_1 + 2 * 41000 + 40500 + 10 * (27000 + 4000)) / BOUND,
+    "equal_torque_use": (10 * (MOST_0 + MOST_1) + MOST_0_LATE + MOST_1 + 2 * 41000 + 40500 + 10 * (27000 + 4000)) / BOUND,
     # unit 0 is limited while the train delivers more than its bound, and at 34 and 35: there it brakes with 5000 N of
     # 11200; unit 1 from 38 to 43, with 22000 N of 43200: more than the train lacks
+    # T gamma: the work of half an axle from 0 to 1 over 1/8 m, and from 42 to 43 over 85/8 m, of 231.125 m
+    "wear_number": 3725.0 / (231.125 * 6),
+    "severe_work": (400.0 + 350.0 + 2000.0) / 3725.0,
+    "wheel_wear": 2e-3 * (
+        0.125 * ((1.19 * 3200.0 - 154.0) / 1e3 + (1.19 * 2800.0 - 154.0) / 1e3 + (1.19 * 16e3 - 154.0) / 800.0)
+        + 0.25 * (600.0 / 1e3 + 375.0 / 800.0)
+    ),
     "held_back": (2 * (11200 - 5000) + 6 * (50200 - 31000)) / BOUND,
     "headroom": HEADROOM / ROOM_PLAN,
     "over_delivery": (41000 - 40500) / ROOM_PLAN,
@@ -150,17 +158,17 @@ def test_direction_of_better_and_unit_are_those_of_the_quantity(name):
         "slip_time", "slip_peak", "damage", "time_to_speed", "jerk_rms", "jerk_peak", "coupler_peak", "detection_delay",
         "missed_slips", "false_alarms", "search_time", "unfinished_searches", "torque_fluctuation", "locked_time",
         "air_consumption", "detections", "unit_detections", "locks", "time_outs", "rule_failures", "controller_failures",
-        "over_delivery", "held_back",
+        "over_delivery", "held_back", "wear_number", "severe_work", "wheel_wear",
     }  # fmt: skip
     more = {
         "acceleration", "acceleration_ratio", "effort_ratio", "utilisation", "utilisation_slipping", "utilisation_short",
-        "bound_use",
+        "bound_use", "equal_torque_use",
     }  # fmt: skip
     units = {
         "acceleration": "m/s2", "slip_time": "s", "slip_peak": "m/s", "damage": "kJ", "distance": "m",
         "time_to_speed": "s", "jerk_rms": "m/s3", "jerk_peak": "m/s3", "coupler_peak": "kN", "energy": "MJ",
         "detection_delay": "s", "search_time": "s", "locked_time": "s", "air_consumption": "l", "rule_time": "ms",
-        "controller_median": "ms", "controller_p99": "ms",
+        "controller_median": "ms", "controller_p99": "ms", "wear_number": "N", "wheel_wear": "mm2",
     }  # fmt: skip
     assert metric.better == (name in more) - (name in less)
     assert metric.unit == units.get(name, "1")
@@ -176,7 +184,7 @@ OF_UNITS = {
 }  # fmt: skip
 
 
-OF_ROOM = {"bound_use", "held_back", "headroom", "over_delivery"}
+OF_ROOM = {"bound_use", "equal_torque_use", "held_back", "headroom", "over_delivery"}
 
 
 def test_without_demand_what_counts_under_demand_is_nan():

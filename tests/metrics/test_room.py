@@ -24,6 +24,7 @@ def made(
     turning=0.0,
     command=None,
     factor=1.0,
+    parallel=(0, 0),
 ):
     """Two units of two axles and a trailer of two, of which all that is given is a coefficient of the load, per axle.
 
@@ -53,6 +54,7 @@ def made(
         "unit_static_load": ("unit", np.full(2, 2.0 * LOAD)),
         "unit_gear": ("unit", np.ones(2)),
         "unit_radius": ("unit", np.ones(2)),
+        "unit_parallel": ("unit", np.array(parallel)),
     }
     return xr.Dataset(
         variables, {"time": PERIOD * np.arange(COUNT)}, {"blended_brakes": int(blended)}
@@ -95,6 +97,19 @@ def test_the_weakest_axle_bounds_its_unit():
     # both short: sharing cannot help
     run = made(weak(0.06, 0.2, 0.09, 0.13), 0.05)
     agree(run, [0.4, 0.3, 0.3, 0.2], [0.2 / 0.3, 0.0, 0.0])
+
+
+def test_motors_in_parallel_are_bounded_by_the_sum_of_their_axles():
+    rail = weak(0.06, 0.2, 0.12, 0.13)
+    agree(made(rail, 0.05, parallel=(0, 1)), [0.4, 0.37, 0.32, 0.2], [0.2 / 0.37, 0.05 / 0.4, 0.0])
+    agree(made(rail, 0.05, parallel=(1, 1)), [0.4, 0.4, 0.4, 0.2], [0.5, 0.0, 0.0])
+    # beside it stands the bound of equal torques: 2 x 0.06 and 2 x 0.12
+    for parallel in ((0, 0), (1, 1)):
+        used = METRICS["equal_torque_use"].function(made(rail, 0.05, parallel=parallel))
+        assert used == pytest.approx(0.2 / 0.36, rel=1e-12)
+    # motors bound such a unit too
+    run = made(rail, 0.05, motor=np.array([0.06, 0.2]), parallel=(1, 0))
+    agree(run, [0.4, 0.36, 0.32, 0.2], [0.2 / 0.36, 0.1, 0.0])
 
 
 @pytest.mark.parametrize("braking", [False, True])
