@@ -83,6 +83,7 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "learning": (4, {"duration": 4.0}),
     "braking": (2, {"duration": 6.0}),
     "printed": (1, {}),
+    "effects": (1, {"duration": 4.0}),
     "ladder": (2, {"duration": 4.0}),
     "curves": (1, {"duration": 4.0}),
     "published": (1, {"duration": 4.0}),

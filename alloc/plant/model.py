@@ -16,7 +16,7 @@ from alloc.errors import PlantError
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.laws import INDUCTION, LOCK_TIME, STANDSTILL_SPEED
 from alloc.plant.rail import Line, Patches, Rail, Receptivity, axle_values, patch_arrays
-from alloc.plant.train import Car, DraftGear, Train
+from alloc.plant.train import NO_CHARACTERISTIC, Car, DraftGear, Train
 
 # From a train to the arrays that the plant computes with.
 
@@ -25,8 +25,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-NO_MOTOR = (0.0, 1.0, 1.0)
-"""`Motors.characteristic` of an axle without motor."""
 NO_WEDGES = (0.0,) * 8
 """`DraftGear.wedges` of a coupler without friction."""
 
@@ -227,7 +225,7 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
         unit_lag=np.array([motor.torque_lag for motor, _ in motors]),
         unit_gear=np.array([motor.gear_ratio for motor, _ in motors]),
         axle_motor=np.array(
-            [motors[j][0].characteristic if j >= 0 else NO_MOTOR for j in axle["unit"]]
+            [motors[j][0].characteristic if j >= 0 else NO_CHARACTERISTIC for j in axle["unit"]]
         ).T,
         drive_table=np.stack(drive) if drive else np.zeros((0, 0)),
         brake_table=np.stack(brake) if brake else np.zeros((0, 0)),

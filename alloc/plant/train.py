@@ -125,6 +125,16 @@ class TorqueLimit:
         return np.asarray(limit)
 
 
+NO_CHARACTERISTIC = (0.0, 1.0, 1.0)
+"""`Motors.characteristic` of a motor with a torque control of its own, or of none."""
+BREAKDOWN = 2.5
+"""Breakdown torque of an induction motor over the greatest torque that is asked of it. Source: assumed."""
+SLIP_SPEEDS = {"induction": 300.0 * math.pi / 30.0, "series": 120.0 * math.pi / 30.0}
+"""`Motors.slip_speed` by kind of motor [rad/s]. 300/min: with `BREAKDOWN` a slip of 63/min at the greatest torque, like the
+1.4 % of 4200/min on the nameplate of CRH2's motors (300 kW, 140 Hz, 4140/min). 120/min: assumed, a resistance that takes
+6 % of the voltage at 2000/min."""
+
+
 @displayed
 @dataclass(frozen=True)
 class Motors:
@@ -137,33 +147,33 @@ class Motors:
     torque_lag: float = 5e-3
     """Time constant of the torque [s]; 5 ms: readhesion paper, section 2.2."""
     kind: MotorKind = "torque"
-    breakdown_torque: float = math.inf
-    """Largest torque of an induction motor [N m]."""
-    slip_speed: float = math.inf
+    breakdown_torque: float | None = None
+    """Largest torque of an induction motor [N m]. Left out: `BREAKDOWN` times the greatest torque that is asked of it."""
+    slip_speed: float | None = None
     """Speed at the shaft [rad/s]: of an induction motor the slip between field and rotor at the breakdown torque, of a
-    series motor the speed at which its resistance takes half of the voltage."""
+    series motor the speed at which its resistance takes half of the voltage. Left out: `SLIP_SPEEDS`."""
 
     def __post_init__(self) -> None:
-        PlantError.check(
-            "motors", self,
-            positive=("gear_ratio", "torque_lag", "breakdown_torque", "slip_speed"),
-            infinite=("breakdown_torque", "slip_speed"),
-        )  # fmt: skip
+        given = [
+            name for name in ("breakdown_torque", "slip_speed") if getattr(self, name) is not None
+        ]
+        PlantError.check("motors", self, positive=("gear_ratio", "torque_lag", *given))
         PlantError.check_choice("motors", "group", self.group, get_args(InverterGroup))
         PlantError.check_choice("motors", "kind", self.kind, get_args(MotorKind))
-        needed = {
-            "torque": (),
-            "induction": ("breakdown_torque", "slip_speed"),
-            "series": ("slip_speed",),
-        }
-        for name in needed[self.kind]:
-            if math.isinf(getattr(self, name)):
-                raise PlantError(f"motors: kind = {self.kind!r} needs {name}; give a finite one")
-        most = max(limit.greatest for limit in (self.drive, self.brake))
-        if self.kind == "induction" and not self.breakdown_torque > most:
+        if self.kind == "induction" and not self.breakdown > self.greatest:
             raise PlantError(
-                f"motors: breakdown_torque = {self.breakdown_torque!r} must exceed the largest torque, {most:g} N m"
+                f"motors: breakdown_torque = {self.breakdown_torque!r} must exceed the largest torque, {self.greatest:g} N m"
             )
+
+    @property
+    def greatest(self) -> float:
+        """The largest torque of drive and brake [N m]."""
+        return max(self.drive.greatest, self.brake.greatest)
+
+    @property
+    def breakdown(self) -> float:
+        """The breakdown torque [N m]."""
+        return BREAKDOWN * self.greatest if self.breakdown_torque is None else self.breakdown_torque
 
     @property
     def characteristic(self) -> tuple[float, float, float]:
@@ -171,11 +181,10 @@ class Motors:
 
         A single motor on an inverter has all of its torque.
         """
-        kind = 0.0 if self.group == "1C1M" else float(get_args(MotorKind).index(self.kind))
-        breakdown, slip = (
-            1.0 if math.isinf(one) else one for one in (self.breakdown_torque, self.slip_speed)
-        )
-        return kind, breakdown, slip
+        if self.group == "1C1M" or self.kind == "torque":
+            return NO_CHARACTERISTIC
+        slip = SLIP_SPEEDS[self.kind] if self.slip_speed is None else self.slip_speed
+        return float(get_args(MotorKind).index(self.kind)), self.breakdown, slip
 
 
 @displayed

@@ -35,6 +35,7 @@ from studies.scenario.train_file import (
     CouplerKeys,
     DraftGearKeys,
     FailureKeys,
+    MotorChangeKeys,
     build_train,
     is_file,
 )
@@ -140,6 +141,8 @@ class Scenario(Strict):
     inverter_group: InverterGroup | None = None
     """Motors per inverter in place of the train's own: a unit is a car (1C4M), a bogie (1C2M) or an axle (1C1M). Left out:
     the train's own."""
+    motors: MotorChangeKeys | None = None
+    """Lag and kind of all motors. Left out: the train's own."""
     coupler: CouplerKeys | None = None
     """Linear draft gear between all cars. Left out: the train's own, or none: a rigid train."""
     draft_gear: DraftGearKeys | None = None
@@ -199,6 +202,7 @@ class Scenario(Strict):
             self.load_transfer,
             self.reversed,
             self.inverter_group,
+            self.motors,
         )
         axles = train.axle_count
         day = Day() if self.variation is None else self.variation.day(seed)

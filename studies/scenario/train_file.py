@@ -65,6 +65,22 @@ class FailureKeys(Strict):
     """Instant of the failure."""
 
 
+class MotorChangeKeys(Strict):
+    """What all motors of the train have in place of their own: `[motors]`. Source: assumed, or the vehicle's."""
+
+    torque_lag_s: float | None = Field(default=None, gt=0.0)
+    """Time constant of the torque behind its command. Left out: the train's own, or 0.005 s, as of the readhesion paper."""
+    kind: MotorKind | None = None
+    """How the motors of an inverter divide its torque: torque, equally; induction, by Kloss's equation at one frequency;
+    series, direct-current motors on one voltage. A single motor on its inverter has all of the torque. Left out: the train's
+    own, or torque."""
+    breakdown_torque_nm: float | None = Field(default=None, gt=0.0)
+    """Largest torque of an induction motor. Left out: 2.5 times the greatest torque that is asked of it."""
+    slip_speed_rpm: float | None = Field(default=None, gt=0.0)
+    """Of an induction motor: slip of the shaft at the breakdown torque. Of a series motor: speed of the shaft at which its
+    resistance takes half of the voltage. Left out: 300 and 120."""
+
+
 def is_file(train: str) -> bool:
     """Whether a train is given as a file, of railtoolkit or as TOML, and not by the name of a parameter set."""
     return re.search(FILES, train) is not None
@@ -77,8 +93,9 @@ def build_train(
     load_transfer: bool | None,
     reverse: bool,
     inverter_group: InverterGroup | None = None,
+    motors: MotorChangeKeys | None = None,
 ) -> Train:
-    """The train of that name or file, loaded, coupled, with other inverter groups and turned round as asked."""
+    """The train of that name or file, loaded, coupled, with other inverter groups and motors and turned round as asked."""
     from dataclasses import replace
 
     from alloc.plant.sets import find_set
@@ -94,16 +111,19 @@ def build_train(
         built = built.coupled(coupler.coupler())
     if load_transfer is not None:
         built = replace(built, load_transfer=load_transfer)
+    changes: dict[str, Any] = {} if motors is None else si(motors)
     if inverter_group is not None:
+        changes["group"] = inverter_group
+    if changes:
         cars = tuple(
-            replace(car, motors=replace(car.motors, group=inverter_group)) if car.motors else car
+            replace(car, motors=replace(car.motors, **changes)) if car.motors else car
             for car in built.cars
         )
         built = replace(built, cars=cars)
     return built.reversed() if reverse else built
 
 
-class MotorKeys(Strict):
+class MotorKeys(MotorChangeKeys):
     """Traction motors of a kind of car: `[car.X.motors]`.
 
     Either torque and power of one motor, or the car's tractive effort at the rims as a table over speed. The electric brake
@@ -132,16 +152,6 @@ class MotorKeys(Strict):
     """Speed from which the torque falls with the square of the speed. Left out: it never does."""
     fade_speed_kmh: float = 5.0
     """Speed below which the electric brake fades. Source: assumed."""
-    torque_lag_s: float = Field(default=0.005, gt=0.0)
-    """Time constant of the torque behind its command. Source: readhesion paper, section 2.2."""
-    kind: MotorKind = "torque"
-    """How the motors of an inverter divide its torque: torque, equally; induction, by Kloss's equation at one frequency;
-    series, direct-current motors on one voltage. A single motor on its inverter has all of the torque."""
-    breakdown_torque_nm: float | None = Field(default=None, gt=0.0)
-    """Largest torque of an induction motor. Left out: the motors are of another kind."""
-    slip_speed_rpm: float | None = Field(default=None, gt=0.0)
-    """Of an induction motor: slip of the shaft at the breakdown torque. Of a series motor: speed of the shaft at which its
-    resistance takes half of the voltage. Left out: the motors have torque controls of their own."""
     planned_adhesion: Literal["shinkansen", "curtius-kniffler"] | None = None
     """Coefficient over the speed for which drive and brake are planned: they ask no more of a wheel under the empty car.
     Left out: torque and power alone decide. Source: shinkansen: JP5484215 (12); curtius-kniffler: Curtius and Kniffler,

@@ -103,6 +103,8 @@ BESIDE: dict[str, dict[str, Any]] = {
         for one in ("noise", "deviation", "drift")
     },
     "onboard.mpc.search.given_share": {"onboard": {"mpc": {"search": {"seek": False}}}},
+    "motors.breakdown_torque_nm": {"motors": {"kind": "induction"}},
+    "motors.slip_speed_rpm": {"motors": {"kind": "induction"}},
     "onboard.hold_time_s": {"onboard": {"trigger": "slip"}},
     "onboard.sanding.until_s": {"onboard": {"sanding": {"begin_s": 1.0}}},
     "onboard.reference.radius_deviation": {
@@ -113,6 +115,7 @@ BESIDE: dict[str, dict[str, Any]] = {
 LAWS = ([5.0, 44.0, 0.1], [6.0, 40.0, 0.05])
 VALUES: dict[str, tuple[Any, ...]] = {
     "draft_gear.structure_n_per_m": (1e8, 3e8),
+    "motors.breakdown_torque_nm": (3e3, 1e4),
     "rail.speed_law": LAWS,
     "rail.rear_speed_law": LAWS,
     "rail.increments.values": ([0.01] * 32, [0.02] * 32),

@@ -138,7 +138,7 @@ def _motors(keys: Mapping[str, Any], radius: float, count: int, axle_mass: float
         if name in given
     }
     return Motors(
-        keys["inverter_group"], gear_ratio, drive, brake, kind=keys.get("kind", "torque"), **own
+        keys["inverter_group"], gear_ratio, drive, brake, kind=keys.get("kind") or "torque", **own
     )
 
 
