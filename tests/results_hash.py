@@ -48,6 +48,7 @@ from tests.paper_figs import small_figures
 from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.acceptance_tables import acceptance_table
 from tests.studies.brake_tables import brake_table
+from tests.studies.comparison_tables import comparison_table
 from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import synthetic
@@ -270,7 +271,7 @@ def printed(*arguments: str) -> Any:
 
 def compared() -> Any:
     """The summary of a small comparison, without times of computing."""
-    table = small_figures.source().table
+    table = comparison_table()
     lines = summarise(table.drop(columns=[name for name in table if name.startswith(MEASURED)]))
     return json.loads(to_json(lines, {}))
 
