@@ -200,9 +200,9 @@ class AirBrake:
     """Largest pressure of the cylinders [Pa]."""
     force_per_pascal: float
     """Shoe force at the rim of an axle over the pressure [N/Pa]."""
-    fill_time: float = 1.2
+    fill_time: float
     """Time constant of filling [s]."""
-    release_time: float = 1.2
+    release_time: float
     """Time constant of releasing [s]."""
     dead_time: float = 0.05
     """Time between a command and the valve's response [s]."""

@@ -18,7 +18,7 @@ def _car(k: int, group: str | None, brake: float | None) -> Car:
         wheel_inertia=tuple((150.0 if group else 60.0) + 4.0 * k + i for i in range(4)),
         driven=(group is not None,) * 4,
         motors=Motors(group, 7.07 - 0.2 * k, *limits) if group else None,
-        air_brake=AirBrake(420e3, brake, friction=(30.0, 90.0 + k, 0.6)) if brake else None,
+        air_brake=AirBrake(420e3, brake, 1.2, 1.2, friction=(30.0, 90.0 + k, 0.6)) if brake else None,
     )  # fmt: skip
 
 

@@ -167,7 +167,7 @@ def test_deceleration_is_shoe_force_over_mass_and_rotating_mass(run, car):
 
 def test_shoes_of_a_sliding_wheel_grip_by_its_own_speed(car):
     """Friction (V + 150) / (2 V + 150): 0.8 at 50 km/h of the rim, 12 % more than 0.714 at the train's 100 km/h."""
-    brake = AirBrake(400e3, 0.02, friction=(37.5, 75.0, 0.5))
+    brake = AirBrake(400e3, 0.02, 1.2, 1.2, friction=(37.5, 75.0, 0.5))
     model = build(Train("one", (car(False, air_brake=brake),)), Rail(0.4))
     n, arrays = model.layout, ArrayModel.of(model)
     state = model.initial_state(100.0 / 3.6)

@@ -10,11 +10,20 @@ import pytest
 from alloc.errors import PlantError
 from alloc.plant import sets
 from alloc.plant.adhesion import PiecewiseCurve, PolachCurve, RationalCurve, SlipRatioCurve
-from alloc.plant.laws import GRAVITY
+from alloc.plant.laws import GRAVITY, hyperbolic_speed_law
 from alloc.plant.model import build
-from alloc.plant.rail import Line, Patch, Rail, Receptivity
+from alloc.plant.rail import SPEED_LAWS, Line, Patch, Rail, Receptivity
 from alloc.plant.sets import SETS, find_set
-from alloc.plant.train import AirBrake, Coupler, Motors, Sander, TorqueLimit, Train
+from alloc.plant.train import (
+    EFFORT_SPEED_STEP,
+    EFFORT_TABLE_LENGTH,
+    AirBrake,
+    Coupler,
+    Motors,
+    Sander,
+    TorqueLimit,
+    Train,
+)
 from studies.brake_force.measurement import LEVER_RATIO, RIGGING, STANDSTILL_FRICTION
 from studies.scenario.train_file import read_train_file
 from studies.slides.jp4209318 import slide_train
@@ -170,7 +179,17 @@ def _motors(**changes):
 
 
 def _brake(**changes):
-    return AirBrake(**({"maximum_pressure": 4e5, "force_per_pascal": 0.05} | changes))
+    return AirBrake(
+        **(
+            {
+                "maximum_pressure": 4e5,
+                "force_per_pascal": 0.05,
+                "fill_time": 1.0,
+                "release_time": 1.0,
+            }
+            | changes
+        )
+    )
 
 
 def _train(**changes):
@@ -337,3 +356,17 @@ def test_unknown_set_suggests_the_nearest():
 
 def test_plant_error_is_a_value_error():
     assert issubclass(PlantError, ValueError)
+
+
+def test_motors_that_are_planned_by_adhesion_ask_no_more_of_a_wheel_than_the_law():
+    """And no less, from the speed on at which neither peak nor power bounds them."""
+    train = find_set("high-speed-16car")
+    car = next(one for one in train.cars if one.motors)
+    speed = EFFORT_SPEED_STEP * np.arange(EFFORT_TABLE_LENGTH)
+    law = hyperbolic_speed_law(speed, *SPEED_LAWS["shinkansen"])
+    load = car.empty_mass * GRAVITY / len(car.axle_positions)
+    for limit in (car.motors.drive, car.motors.brake):
+        torque = limit.tabulate(car.wheel_radius, car.motors.gear_ratio)
+        used = torque * car.motors.gear_ratio / (car.wheel_radius * load)
+        assert np.all(used <= law * (1.0 + 1e-12))
+        assert np.isclose(used, law, rtol=1e-12).any()
