@@ -1,7 +1,7 @@
 """The demonstration of JP4209318 (Tables 2 to 4, Figs. 2, 3): one to three cars brake from 100 km/h under slide protection.
 
-Table 2 gives train, brakes and control cycle; how adhesion depends on speed, slip and axle position (Fig. 2), how sliding
-wheels condition the rail, the rules and the three sensitivities are not disclosed. They are `Undisclosed` here;
+Table 2 gives train, brakes and calculation cycle; how adhesion depends on speed, slip and axle position (Fig. 2), how
+sliding wheels condition the rail, the rules and the three sensitivities are not disclosed. They are `Undisclosed` here;
 `studies.slides.ensemble_study` seeks sets that bring out Tables 3 and 4.
 """
 
@@ -36,7 +36,10 @@ from studies.core.study import study_folder
 
 INITIAL_SPEED = 100.0 / 3.6
 CYCLE = 0.02
-"""Control cycle [s], Table 2."""
+"""Cycle of the slide protection and of the computers on board [s].
+
+Table 2 calls it the calculation cycle, which is that of the simulation behind the source; it names no control cycle. The
+plant here has a step of its own, so the source's cycle can only be that of its computers."""
 STEP, HALVED_STEP = 1e-3, 2.5e-4
 """Steps [s]. The plant takes the first in two, to be stable near standstill, so that half of it is the second."""
 DURATIONS = {1: 38.0, 2: 35.0, 3: 32.0}

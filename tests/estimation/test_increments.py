@@ -23,7 +23,8 @@ from alloc.estimation.increments import (
     unit_increments,
 )
 from alloc.onboard.increment_learning import Increments, LearntIncrements
-from alloc.plant.rail import logarithmic_increments
+from alloc.plant.laws import hyperbolic_speed_law
+from alloc.plant.rail import SPEED_LAWS, logarithmic_increments
 from tests.cases import looped
 
 
@@ -57,6 +58,20 @@ SLOPE, OFFSET = 0.0083, -0.0066  # JP5484215 (15)
 
 
 GROWTH = logarithmic_increments(64)
+
+
+def test_a_lower_limit_of_zero_in_14_hardly_changes_the_increments():
+    """JP5484215 par. 0054: coefficients are not negative, and the normal distribution is. Up to 270 km/h it is right."""
+    for speed in (70.0, 160.0, 270.0):
+        planned = hyperbolic_speed_law(speed / 3.6, *SPEED_LAWS["shinkansen"]) / SIGMA
+        below = norm.cdf(-planned)
+        assert below < 8e-4
+        shift = np.array([0.0083 * np.log(j) - 0.0066 for j in range(1, 65)]) / SIGMA
+        cut = (norm.cdf(-shift) - norm.cdf(-planned - shift)) / (0.5 - below)
+        found = -SIGMA * norm.ppf(
+            0.5 * cut
+        )  # (14) with the printed limit, of frequencies that end at zero
+        assert np.abs(found - SIGMA * shift).max() < 2e-4
 
 
 def test_expected_counts_give_the_increments_back_exactly():
