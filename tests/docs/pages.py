@@ -18,6 +18,7 @@ PAGES = {
         *sorted(ROOT.glob("*.md")),
         *sorted((ROOT / "docs").glob("*.md")),
         *sorted((ROOT / "docs/notebooks").glob("*.md")),
+        *sorted((ROOT / "docs/sources").glob("*.md")),
     ]
 }
 """Path -> text of README, changelog and pages."""

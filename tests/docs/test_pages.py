@@ -1,13 +1,17 @@
 """README and pages: their size, their links, their language, and what states the version."""
 
+import csv
 import re
 import subprocess
 import tomllib
+from importlib import import_module
 from importlib.metadata import version
 
 import yaml
 
+from paper_figs.drawing import FIGURES
 from studies.command_line.main import app, run
+from studies.core.study import all_studies
 from tests.docs.pages import PAGES, ROOT, anchors, blocks, links, sentences, without_code
 
 MOST_BYTES = 6000
@@ -108,3 +112,24 @@ def test_every_command_has_an_example():
     examples = "\n".join(block.code for block in blocks("sh"))
     assert len(commands) > 5
     assert not [name for name in commands if f"readhesion {name}" not in examples]
+
+
+def test_every_place_that_the_tables_of_sources_name_is_there():
+    """A module's attribute, a figure, a sweep, a page or a file of tests; - where nothing is built, which the row says."""
+    for table in sorted((ROOT / "docs/sources").glob("*.csv")):
+        with table.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        assert rows
+        for row in rows:
+            assert None not in row, row
+            assert all(row.values()), row
+            kind, _, name = row["where"].rpartition(" ")
+            if kind in ("figure", "sweep"):
+                assert name in {"figure": FIGURES, "sweep": all_studies()}[kind], row
+            elif kind == "page":
+                assert (ROOT / "docs" / name).is_file(), row
+            elif name.startswith("tests/"):
+                assert (ROOT / name).is_file(), row
+            elif name != "-":
+                module, _, attribute = name.rpartition(".")
+                assert hasattr(import_module(module), attribute), row
