@@ -35,7 +35,7 @@ from studies.core.store import Store
 from studies.core.study import Study, find_study, study_folder
 from studies.files.study_error import StudyError
 from studies.report.replay import drawing
-from studies.scenario.loading import SCENARIOS, default_scenarios, load_scenario
+from studies.scenario.scenario import SCENARIOS, default_scenarios, load_scenario
 
 Data = ParamSpec("Data")
 DRAFT = "#b00000"

@@ -23,7 +23,7 @@ from studies.logs.measured_log import MeasuredLog, check_log
 from studies.logs.measured_run import Findings, analyse_run
 from studies.logs.simulated import log_table, rounded
 from studies.logs.train import MeasuredTrain
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 
 SCENARIO, RULE, CONTROLLER = "wet-patch", "greedy", "cut-and-ramp"
 

@@ -28,7 +28,7 @@ from paper_figs.events import (
 from paper_figs.saving import Motion, MovingFigure
 from paper_figs.style import BLACK, COLUMN, DARK, NOTE, Look, rule_colour
 from studies.report.replay import drawing
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 
 SCENARIO, RULE, CONTROLLER = "wet-patch", "cooperative", "cut-and-ramp"
 INSTANTS, RATE = 80, 9

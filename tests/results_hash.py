@@ -42,7 +42,7 @@ from studies.core.statement import VERDICTS, Statement
 from studies.core.store import MEASURED
 from studies.core.study import find_study
 from studies.logs.simulated import write_log
-from studies.scenario.loading import load_scenario, shipped_scenarios
+from studies.scenario.scenario import load_scenario, shipped_scenarios
 from studies.slides.ensemble_study import Effort
 from tests.paper_figs import small_figures
 from tests.simulation.slides import TRAIN, braked, readhering

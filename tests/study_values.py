@@ -17,7 +17,7 @@ from studies.core.run import run_cells
 from studies.core.statement import column_interval
 from studies.core.store import Store
 from studies.core.study import find_study, study_folder
-from studies.scenario.loading import default_scenarios, load_scenario
+from studies.scenario.scenario import default_scenarios, load_scenario
 from tests.numbers import OVER_ROWS, Source
 
 DIGITS = 8

@@ -19,7 +19,7 @@ from alloc.simulation import CONTROLLERS
 from paper_figs.drawing import FIGURES
 from studies.core.statement import Interval, Statement
 from studies.railtoolkit.vehicles import RunningPath, sections
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 
 
 @displayed

@@ -29,7 +29,7 @@ SMALL_FOR_A_REASON = {
     "data": ("alloc.units",),
 }  # fmt: skip
 """Why a module may have fewer than `LEAST_LINES` -> patterns of names of modules."""
-STILL_SMALL = 6
+STILL_SMALL = 5
 """Small modules without a reason, still to be merged: this number only falls."""
 NO_NAMES = {"utils", "helpers", "misc", "common", "tools"}
 

@@ -139,7 +139,7 @@ def compare(
 
 def _scenarios(names: list[str] | None, line: str | None, train: str | None) -> "list[Scenario]":
     from studies.lines.named_files import with_real_input
-    from studies.scenario.loading import default_scenarios, load_scenario
+    from studies.scenario.scenario import default_scenarios, load_scenario
 
     real = line is not None or train is not None
     if names is None and not real:

@@ -20,7 +20,7 @@ from studies.files.study_error import StudyError
 from studies.files.writable import check_file, check_place, make_folder
 from studies.lines.named_files import LINES, TRAINS, shipped
 from studies.logs.mapping import column_names
-from studies.scenario.loading import SCENARIOS, load_scenario
+from studies.scenario.scenario import SCENARIOS, load_scenario
 
 
 def list_names(*, as_json: Annotated[bool, Parameter("--json", negative=())] = False) -> None:
@@ -169,8 +169,7 @@ def new_scenario(name: str, *, like: str = USUAL, out: FilePath | None = None) -
         Folder for the file, or the file itself (.toml) [default: the present folder].
     """
     from studies.scenario.file_kinds import commented_scenario
-    from studies.scenario.loading import load_scenario, read_scenario
-    from studies.scenario.scenario import safe_name
+    from studies.scenario.scenario import load_scenario, read_scenario, safe_name
 
     if not name or safe_name(name) != name:
         raise StudyError(f"name {name!r}: give letters, digits, and . + - _ only")

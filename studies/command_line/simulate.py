@@ -61,7 +61,7 @@ def simulate(
     from studies.core.job import Job, simulate_job
     from studies.core.own_parts import try_parts
     from studies.logs.simulated import train_beside, write_log
-    from studies.scenario.loading import load_scenario
+    from studies.scenario.scenario import load_scenario
 
     chosen = load_scenario(scenario)
     check_names([rule], [controller])

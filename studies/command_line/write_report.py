@@ -70,7 +70,7 @@ def write_report(
     from studies.comparison.summary import make_grid
     from studies.core.run import workers
     from studies.report.page import check_packages, rendered
-    from studies.scenario.loading import default_scenarios, load_scenario
+    from studies.scenario.scenario import default_scenarios, load_scenario
 
     count = process_count(jobs)
     if seeds is not None:
@@ -172,7 +172,7 @@ def cite(
 
     from studies.comparison.summary import check_names
     from studies.report.run_parts import documents_of, values_of
-    from studies.scenario.loading import load_scenario
+    from studies.scenario.scenario import load_scenario
 
     chosen = load_scenario(scenario)
     check_names([rule], [controller])
@@ -221,7 +221,7 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str 
     from alloc.onboard.equipment import equipment
     from alloc.onboard.host import unit_contexts
     from alloc.sources import write_whole
-    from studies.scenario.loading import load_scenario
+    from studies.scenario.scenario import load_scenario
 
     chosen = load_scenario(scenario)
     event = chosen.event()

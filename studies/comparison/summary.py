@@ -16,11 +16,9 @@ from alloc.metrics.registry import NEVER_NEGATIVE, UNLIMITED, range_of
 from alloc.rules import RULES
 from studies.core.drawn_events import COMPARED
 from studies.core.job import DEGRADED, Job, check_controller
-from studies.core.mean_limits import mean_limits
-from studies.core.statement import CONFIDENCE, Interval
+from studies.core.statement import CONFIDENCE, Interval, mean_limits
 from studies.files.study_error import StudyError, unknown
-from studies.scenario.loading import default_scenarios
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, default_scenarios
 
 Floats = NDArray[np.float64]
 

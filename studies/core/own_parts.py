@@ -20,7 +20,7 @@ from alloc.simulation import CONTROLLERS, simulate
 from alloc.sources import PACKAGES
 from alloc.testing import tried
 from studies.files.study_error import StudyError
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 
 SCENARIO, DURATION = "wet-start", 0.2
 """Event of the trial, and its duration [s]: a few control periods."""

@@ -7,7 +7,6 @@ import hashlib
 import json
 import multiprocessing
 import os
-import queue
 import re
 import signal
 import sys
@@ -15,8 +14,8 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
-from concurrent.futures import Future
-from contextlib import ExitStack, closing, contextmanager, redirect_stdout, suppress
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import ExitStack, closing, contextmanager, redirect_stdout
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import lru_cache
@@ -65,27 +64,20 @@ def processes(count: int) -> Iterator[Workers]:
 
     On Linux they are forks, which have what this process has imported and compiled; elsewhere they start from the beginning.
     """
-    from joblib.externals.loky.process_executor import ProcessPoolExecutor
-
-    context = multiprocessing.get_context("fork") if sys.platform == "linux" else None
-    executor = ProcessPoolExecutor(
-        count, context=context, initializer=_begin, initargs=(os.getpid(),)
-    )
+    context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
+    others = multiprocessing.active_children()
+    executor = ProcessPoolExecutor(count, context, _begin, (os.getpid(),))
     interrupted = True
     try:
         yield Workers(executor.submit, count)
         interrupted = False
     finally:
         if interrupted:
-            _forget_waiting(executor._work_ids)
-        executor.shutdown(wait=True, kill_workers=interrupted)
-
-
-def _forget_waiting(numbers: "queue.Queue[int]") -> None:
-    """Empty the queue of tasks that no worker was given: loky's thread would look for them after it has dropped them."""
-    with suppress(queue.Empty):
-        while True:
-            numbers.get_nowait()
+            executor.shutdown(wait=False, cancel_futures=True)
+            for process in multiprocessing.active_children():
+                if process not in others:
+                    process.kill()
+        executor.shutdown(wait=True)
 
 
 @contextmanager

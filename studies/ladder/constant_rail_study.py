@@ -10,19 +10,21 @@ from numpy.typing import ArrayLike, NDArray
 from alloc.metrics.registry import record_period
 from mpc.settings import SlipSearch
 from studies.core.claims import AT_MOST, Claim, conjunction, how_many
-from studies.core.drawn_events import DrawnEvents, Quantity, in_turn, uniform
-from studies.core.drawn_scenarios import (
+from studies.core.drawn_events import (
     SHAPE_QUANTITIES,
+    DrawnEvents,
+    Quantity,
     drawn_curve,
     drawn_scenario,
+    in_turn,
     rail_offering,
+    uniform,
 )
 from studies.core.job import Job
 from studies.core.statement import Statement
 from studies.core.study import EachEvent, Study
 from studies.ladder.ladder_study import RULE
-from studies.scenario.loading import shipped_scenario
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, shipped_scenario
 
 # Random rails that stay as they are, for trains that ask for more than they offer; nothing is noisy.
 

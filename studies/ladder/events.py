@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from alloc.metrics.search import shortage, unit_shares
 from alloc.plant.train import Train
-from studies.core import drawn_scenarios as shared
+from studies.core import drawn_events as shared
 from studies.core.drawn_events import DrawnEvents, Quantity, in_turn, sometimes, uniform
-from studies.scenario.loading import shipped_scenario
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, shipped_scenario
 
 DURATION = 12.0
 """Length of an event [s]."""

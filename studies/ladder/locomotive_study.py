@@ -6,7 +6,7 @@ abstract alone could be read: levels, train and places are assumed.
 
 import pandas as pd
 
-from studies.core import drawn_scenarios as shared
+from studies.core import drawn_events as shared
 from studies.core.claims import family
 from studies.core.drawn_events import DrawnEvents, Quantity, complete, in_turn, paired, uniform
 from studies.core.job import Job

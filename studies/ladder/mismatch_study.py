@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from studies.core.claims import Claim, conjunction, quantity
-from studies.core.drawn_events import paired
-from studies.core.drawn_scenarios import START_SPEED, rail_offering
+from studies.core.drawn_events import START_SPEED, paired, rail_offering
 from studies.core.job import Job
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 from studies.core.study import EachEvent, Study

@@ -22,7 +22,7 @@ from studies.logs.measured_run import Findings, analyse_run
 from studies.logs.report import fit_remarks, withheld
 from studies.logs.simulated import log_table, rounded
 from studies.logs.train import MeasuredTrain
-from studies.scenario.loading import shipped_scenario
+from studies.scenario.scenario import shipped_scenario
 from studies.stops.blended_events import scenario as drawn_stop
 from studies.stops.wsp_acceptance_study import CURVES, stop_of
 

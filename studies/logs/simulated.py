@@ -114,7 +114,7 @@ def simulated_log(name: str, train: MeasuredTrain) -> MeasuredLog:
     if path.suffix.lower() in ENDINGS or is_text(path):
         return read_log(path, train)
     from studies.core.job import Job, simulate_job
-    from studies.scenario.loading import load_scenario
+    from studies.scenario.scenario import load_scenario
 
     scenario = load_scenario(name)
     own = scenario.event(0).model.train

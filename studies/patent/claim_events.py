@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from alloc.metrics.registry import EITHER_WAY
 from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
-from studies.core import drawn_scenarios as shared
+from studies.core import drawn_events as shared
 from studies.core.drawn_events import DrawnEvents, Quantity, one_of, uniform
 from studies.scenario.scenario import Scenario
 

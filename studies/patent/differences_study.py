@@ -14,14 +14,13 @@ from alloc.rules import RULES as ALL_RULES
 from alloc.rules import AllocationProblem
 from studies.core.cell import Cell, Task
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, conjunction
-from studies.core.drawn_scenarios import drawn_scenario
+from studies.core.drawn_events import drawn_scenario
 from studies.core.job import Job
 from studies.core.statement import LEAST_EVENTS, Interval, Statement, in_words, mean_interval
 from studies.core.study import Study
 from studies.files.units import stated
 from studies.patent.claim_events import measure
-from studies.scenario.loading import shipped_scenario
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, shipped_scenario
 
 # Where rules can differ: one kind of allocation problem each, drawn at random, and one kind of slip event.
 

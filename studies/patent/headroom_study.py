@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from alloc.metrics.use import train_bounds
 from alloc.onboard.equipment import equipment
 from alloc.plant.model import structure_of
-from studies.core import drawn_scenarios as shared
+from studies.core import drawn_events as shared
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, family, quantity
 from studies.core.drawn_events import (
     COMPARED,
@@ -27,8 +27,7 @@ from studies.core.drawn_events import (
 from studies.core.job import Job, check_controller, is_hosted
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement, in_words
 from studies.core.study import EachEvent, Study
-from studies.scenario.loading import shipped_scenario
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, shipped_scenario
 
 # The random events with headroom: what is drawn, and their scenarios. Units find more and less than the plan asks.
 

@@ -30,7 +30,7 @@ from studies.core.cell import Task
 from studies.core.claims import ABOUT, AT_LEAST, AT_MOST, Claim, Side, conjunction, family
 from studies.core.statement import INTERVALS_OF_MEANS, LEAST_EVENTS, Interval, Statement, in_words
 from studies.core.study import Study
-from studies.scenario.loading import shipped_scenario
+from studies.scenario.scenario import shipped_scenario
 
 # The arms of the sweep `learning`: who learns from what, by which learner, and allocates by which rule.
 

@@ -37,8 +37,7 @@ from studies.report.answer import (
 )
 from studies.report.replay import PERIOD, Replay, deflated, drawing
 from studies.report.run_parts import module_of_controller, module_text, train_text
-from studies.scenario.loading import SCENARIOS
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import SCENARIOS, Scenario
 
 # Where a page comes from: command, versions, hashes, seeds and machine, and the publications behind what was run.
 

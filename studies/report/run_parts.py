@@ -11,8 +11,7 @@ from alloc.plant.adhesion import CURVES
 from alloc.plant.train import Train
 from alloc.rules import RULES
 from alloc.sources import path_of
-from studies.scenario.loading import SCENARIOS
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import SCENARIOS, Scenario
 
 SOURCED, ASSUMED, PARTLY = "sourced", "assumed", "sourced in part"
 EVERY_RUN = {

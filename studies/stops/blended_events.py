@@ -13,7 +13,7 @@ from alloc.metrics.use import LOCK_SPEED, STANDING_SPEED
 from alloc.plant.laws import GRAVITY
 from alloc.plant.model import structure_of
 from alloc.plant.train import Train
-from studies.core import drawn_scenarios as shared
+from studies.core import drawn_events as shared
 from studies.core.drawn_events import (
     DrawnEvents,
     Quantity,
@@ -24,8 +24,7 @@ from studies.core.drawn_events import (
 )
 from studies.files.units import stated
 from studies.lines.named_files import TRAINS as TRAIN_FILES
-from studies.scenario.loading import shipped_scenario
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, shipped_scenario
 
 ROLLING = 3.0
 """Time [s] for which the train rolls before it brakes, as for slide protection alone: it then knows the gradient."""

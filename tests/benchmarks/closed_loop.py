@@ -32,7 +32,7 @@ from mpc.model import Units
 from mpc.period import HorizonProblem, HorizonSolution, RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.unit import STATUSES, Iteration, MpcController
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from tests.benchmarks.peers import CONVERGING, PEERS, QpsolversIteration, Solved, missing
 from tests.benchmarks.peers import iterations as qp_iterations
 from tests.mpc.exported import InNumba

@@ -15,7 +15,7 @@ from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
 from alloc.simulation import simulate
 from studies.readhesion_paper.lanes import simulate_tables
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from tests.benchmarks import history
 from tests.plant.numpy_plant import right_side
 

@@ -18,8 +18,7 @@ from studies.files.strict import parse
 from studies.lines.named_files import TRAINS, shipped
 from studies.logs.mapping import read_mapping
 from studies.scenario.line_file import read_line
-from studies.scenario.loading import load_scenario, shipped_scenarios
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, load_scenario, shipped_scenarios
 from studies.scenario.train_file import read_train_file
 from tests.docs.pages import ROOT, Block, blocks
 

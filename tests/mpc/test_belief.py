@@ -20,7 +20,7 @@ from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings, PeakBelief, SlipSearch
 from mpc.slip_search import GOLDEN, USUAL_SHARE
 from mpc.unit import EXCESS, MpcController, pose, tracked_coefficient, unit_problem
-from studies.scenario.loading import shipped_scenario
+from studies.scenario.scenario import shipped_scenario
 from tests.benchmarks.peers import right_side
 from tests.cases import looped
 from tests.mpc.conftest import make_unit

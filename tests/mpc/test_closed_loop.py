@@ -18,7 +18,7 @@ from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings, SlipSearch
 from mpc.train import JointProblem
 from mpc.unit import MpcController
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from tests.cases import looped
 from tests.mpc.drop import BACK, DROP, LOW, between, driven, drop_event, run_mpc
 from tests.mpc.estimates import CURVES, estimates

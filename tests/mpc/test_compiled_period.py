@@ -24,7 +24,7 @@ from mpc.period import RealTimeIteration
 from mpc.settings import MpcError, MpcSettings, PeakBelief, SlipSearch
 from mpc.unit import STATUSES, MpcController
 from studies.ladder import locomotive_study
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from tests.benchmarks.peers import DaqpIteration, step_function
 from tests.cases import looped
 from tests.mpc.conftest import make_unit

@@ -12,8 +12,7 @@ from alloc.records import quantity
 from alloc.simulation import simulate
 from mpc.settings import MpcError, MpcSettings, PeakBelief, SlipSearch, Weights
 from studies.files.study_error import StudyError
-from studies.scenario.loading import load_scenario
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, load_scenario
 from tests.cases import looped
 
 KMH = 1.0 / 3.6

@@ -46,7 +46,7 @@ from studies.logs.simulated import log_table
 from studies.readhesion_paper.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper.paper import CALIBRATED, RIVAL, run_cases
 from studies.report.replay import drawing
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering

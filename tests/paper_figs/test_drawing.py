@@ -46,7 +46,7 @@ from studies.core.store import Store
 from studies.core.study import Study, find_study
 from studies.files.study_error import StudyError
 from studies.readhesion_paper.study import MOST_MEMBERS
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
 from tests.paper_figs import small_figures

@@ -35,7 +35,7 @@ from paper_figs.replay import (
 from paper_figs.saving import Legend, Origin, data_of, save_image
 from paper_figs.style import COLUMN, STYLE_FILE
 from studies.report.replay import drawing
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
 from tests.paper_figs.small_figures import runs

@@ -15,7 +15,7 @@ from alloc.rules.problem import CASES
 from alloc.rules.rule import TRIGGERS, Caps, Trigger, Units, units_of
 from alloc.rules.testing import EXPECTED, problems
 from alloc.simulation import simulate
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from tests.cases import looped
 
 NAMES = [

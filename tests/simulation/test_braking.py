@@ -21,7 +21,7 @@ from alloc.plant.sets import find_set
 from alloc.plant.train import Sander
 from alloc.rules import RULES
 from alloc.simulation import simulate
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from studies.slides.jp4209318 import CALIBRATED, slide_train
 from studies.stops.sander_trial import (
     FIXED_RATE,

@@ -40,11 +40,11 @@ from alloc.records import ByReference, address_of, stored_at
 from alloc.rules.testing import BrokenLaw, check
 from alloc.simulation import simulate
 from alloc.testing import CONTROLLER_LAWS, check_controller
-from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
-from studies.core.drawn_scenarios import rail_offering
+from studies.core.drawn_events import START_SPEED as REFERENCE_SPEED
+from studies.core.drawn_events import rail_offering
 from studies.ladder.mismatch_study import RAILS
 from studies.readhesion_paper.lanes import simulate_tables
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from tests.cases import looped
 
 

@@ -19,7 +19,7 @@ from alloc.plant.sets import find_set
 from alloc.recording import VARIABLES
 from alloc.rules import RULES
 from alloc.simulation import DriverCommand, Event, simulate
-from studies.scenario.loading import default_scenarios, load_scenario, shipped_scenario
+from studies.scenario.scenario import default_scenarios, load_scenario, shipped_scenario
 from tests.cases import looped
 
 DRIVING = [s.name for s in default_scenarios() if s.command[-1].acceleration_kmhs > 0.0]

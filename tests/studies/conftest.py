@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from studies.command_line.main import run
-from studies.scenario.loading import load_scenario
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, load_scenario
 
 SHORT = """
 title = "two slippery seconds"

@@ -599,10 +599,10 @@ PLUGINS = [
     plugin(b"\xff\xfe", "SyntaxError"),
     plugin("x = 1", "is no file", "bad.txt"),
     plugin("from alloc.rules import RULES\nRULES.register('exact', None)", "rule 'exact' exists already"),
-    plugin("from studies.scenario.loading import SCENARIOS\nSCENARIOS.register('wet-start', {})", "exists already"),
+    plugin("from studies.scenario.scenario import SCENARIOS\nSCENARIOS.register('wet-start', {})", "exists already"),
     plugin("", "bad.toml", "bad.toml"),
     Case("--plugin weird.py compare --scenario own", "title", {
-        "weird.py": "from studies.scenario.loading import SCENARIOS\nSCENARIOS.register('own', {})"}),
+        "weird.py": "from studies.scenario.scenario import SCENARIOS\nSCENARIOS.register('own', {})"}),
 ]  # fmt: skip
 
 BATTERY = {
@@ -764,7 +764,7 @@ def test_files_with_blanks_and_byte_order_marks_work(place, monkeypatch):
     from studies.lines.named_files import with_real_input
     from studies.logs.measured_log import read_log
     from studies.logs.train import read_log_train
-    from studies.scenario.loading import load_scenario
+    from studies.scenario.scenario import load_scenario
 
     mark = b"\xef\xbb\xbf"
     write(place, {

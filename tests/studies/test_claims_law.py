@@ -44,7 +44,7 @@ class Judged:
 @pytest.fixture
 def judged(monkeypatch):
     """Function that gives what a study's statements are judged from, with few resamples."""
-    monkeypatch.setattr("studies.core.resampling.RESAMPLES", 2)
+    monkeypatch.setattr("studies.core.claims.RESAMPLES", 2)
     last = []
     real = {"family": engine.family, "conjunction": engine.conjunction}
 

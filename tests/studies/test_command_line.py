@@ -27,7 +27,7 @@ from studies.core.plugins import VARIABLE
 from studies.core.store import Store
 from studies.core.study import EachEvent, Study, all_studies
 from studies.files.study_error import StudyError
-from studies.scenario.loading import shipped_scenarios
+from studies.scenario.scenario import shipped_scenarios
 
 PNG, PDF = b"\x89PNG", b"%PDF"
 

@@ -32,7 +32,7 @@ from studies.comparison.table import tables
 from studies.core.drawn_events import COMPARED
 from studies.core.job import check_controller, is_hosted
 from studies.core.statement import mean_interval
-from studies.scenario.loading import load_scenario, shipped_scenarios
+from studies.scenario.scenario import load_scenario, shipped_scenarios
 
 
 def test_by_default_every_scenario_but_those_of_faults_meets_every_rule_but_the_slow_ones():

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
+from studies.core.drawn_events import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import (
     CONDITIONS,
     FAILS,

@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 from scipy.stats import ttest_1samp
 
-from studies.core.claims import AT_LEAST, AT_MOST, Claim, family, holm
-from studies.core.resampling import RESAMPLES, resampled
+from studies.core.claims import AT_LEAST, AT_MOST, RESAMPLES, Claim, family, holm, resampled
 from studies.core.statement import (
     CONDITIONS,
     FAILS,
@@ -44,7 +43,7 @@ def normal(seed, *shape, mean=0.0):
 @pytest.fixture
 def verdicts_alone(monkeypatch):
     """Few resamples, where only verdicts as drawn are looked at, many times."""
-    monkeypatch.setattr("studies.core.resampling.RESAMPLES", 10)
+    monkeypatch.setattr("studies.core.claims.RESAMPLES", 10)
 
 
 # what the intervals are

@@ -17,9 +17,9 @@ from studies.files.json_schema import tables_of
 from studies.files.strict import parse
 from studies.files.study_error import StudyError
 from studies.scenario.file_kinds import FILE_KINDS, places_of, reference_page, schema_of_kind
-from studies.scenario.loading import load_scenario, shipped_scenarios
 from studies.scenario.onboard_keys import OnboardKeys, built
 from studies.scenario.rail_keys import LineKeys, RailKeys, ReceptivityKeys
+from studies.scenario.scenario import load_scenario, shipped_scenarios
 from studies.scenario.train_file import DraftGearKeys
 
 ROOT = Path(__file__).parents[2]

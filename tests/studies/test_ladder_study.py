@@ -8,8 +8,8 @@ from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build, level_for
 from alloc.plant.rail import Rail
 from alloc.simulation import CONTROLLERS, simulate
+from studies.core.drawn_events import START_SPEED as REFERENCE_SPEED
 from studies.core.drawn_events import complete
-from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.ladder.events import (
     INTERVAL,

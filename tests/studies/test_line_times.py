@@ -25,7 +25,7 @@ from studies.lines.named_files import TRAINS as TRAINS_SHIPPED
 from studies.lines.speed_profile import SpeedProfile, TrainForces, legs, run_by_distance, with_stops
 from studies.railtoolkit.reading import read_rolling_stock
 from studies.railtoolkit.vehicles import PointOfInterest, RunningPath, sections
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from tests.plant.numpy_plant import environment_at
 from tests.studies.other_programs import PlainRun, PlainVehicle, exact_time, published_scheme
 

@@ -10,8 +10,15 @@ from hypothesis import strategies as st
 from scipy.stats import bootstrap, ttest_1samp
 
 from alloc.metrics.registry import METRICS
-from studies.core.mean_limits import LEAST, MOST, RESAMPLES, mean_limits
-from studies.core.statement import Interval, column_interval, mean_interval
+from studies.core.statement import (
+    LEAST,
+    MOST,
+    RESAMPLES,
+    Interval,
+    column_interval,
+    mean_interval,
+    mean_limits,
+)
 
 
 def used(seed, *shape):

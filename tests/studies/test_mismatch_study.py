@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from alloc.simulation import simulate
-from studies.core.drawn_scenarios import START_SPEED as REFERENCE_SPEED
+from studies.core.drawn_events import START_SPEED as REFERENCE_SPEED
 from studies.core.statement import FAILS, HOLDS
 from studies.ladder.events import draw
 from studies.ladder.mismatch_study import (

@@ -8,8 +8,8 @@ from alloc.onboard.brakes import SENSITIVITIES, Fuzzy, SlideProtection, Threshol
 from alloc.onboard.increment_learning import IncrementLearning
 from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sensors, TorqueRelief
 from studies.files.study_error import StudyError
-from studies.scenario.loading import load_scenario
 from studies.scenario.onboard_keys import OnboardKeys
+from studies.scenario.scenario import load_scenario
 
 HEAD = """
 title = "keys"

@@ -16,7 +16,7 @@ from alloc.rules import RULES
 from alloc.rules.testing import drawn_cases
 from mpc.export import export_unit
 from studies.report.run_parts import ASSUMED, PARTLY, SOURCED, documents_of, values_of
-from studies.scenario.loading import load_scenario, shipped_scenarios
+from studies.scenario.scenario import load_scenario, shipped_scenarios
 from tests.docs.pages import ROOT, blocks
 from tests.studies.conftest import SHORT
 from tests.studies.test_plugins import plain  # noqa: F401

@@ -26,7 +26,7 @@ from studies.core.job import Job
 from studies.core.plugins import VARIABLE, load_plugins, module_name, use_plugins
 from studies.files.study_error import StudyError
 from studies.scenario.file_kinds import reference_page, schema_of_kind
-from studies.scenario.loading import SCENARIOS, load_scenario
+from studies.scenario.scenario import SCENARIOS, load_scenario
 from tests.studies.conftest import SHORT
 from tests.test_sources import forget
 
@@ -170,7 +170,7 @@ def test_a_scenario_of_a_plugin_is_found_by_name(tmp_path):
         'curve = { kind = "double-exponential", a = 0.6 }', ""))  # fmt: skip
     plugin = tmp_path / "scenarios.py"
     plugin.write_text(
-        "from pathlib import Path\nfrom studies.scenario.loading import SCENARIOS\n"
+        "from pathlib import Path\nfrom studies.scenario.scenario import SCENARIOS\n"
         "SCENARIOS.register('mine', Path(__file__).with_name('mine.toml'))\n"
     )
     use_plugins([plugin])

@@ -10,7 +10,7 @@ from alloc.plant.laws import GRAVITY
 from studies.files.study_error import FileWarning, StudyError
 from studies.lines.named_files import with_real_input
 from studies.railtoolkit.reading import read_path, read_rolling_stock, read_train
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 
 PATH = {
     "schema": "https://railtoolkit.org/schema/running-path.json",

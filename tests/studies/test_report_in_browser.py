@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from studies.report import page
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from tests.studies import report_pages
 from tests.studies.conftest import SHORT
 

@@ -31,7 +31,7 @@ from studies.report.answer import (
     table_rows,
 )
 from studies.report.replay import KEPT, kept, pack, unpack
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from tests.studies import report_pages
 from tests.studies.conftest import SHORT
 from tests.studies.test_plugins import plain  # noqa: F401

@@ -4,7 +4,7 @@ import pytest
 
 from studies.command_line.main import run
 from studies.files.study_error import StudyError
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 from studies.scenario.train_file import read_train_file
 
 TRAIN = """

@@ -12,8 +12,8 @@ from alloc.plant.adhesion import (
 )
 from alloc.plant.train import Coupler, DraftGear
 from studies.files.study_error import StudyError
-from studies.scenario.loading import load_scenario
 from studies.scenario.rail_keys import RailKeys
+from studies.scenario.scenario import load_scenario
 
 FULL = """
 title = "everything"

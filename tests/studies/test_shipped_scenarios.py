@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.simulation import simulate
-from studies.scenario.loading import load_scenario, shipped_scenarios
+from studies.scenario.scenario import load_scenario, shipped_scenarios
 
 REQUIRED = {
     "wet-start", "very-low-adhesion", "wet-patch", "falling-adhesion", "gradient-start",

@@ -5,7 +5,7 @@ from pydantic import Field
 
 from studies.files.strict import Strict, parse
 from studies.files.study_error import StudyError, nearest, unknown
-from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import load_scenario
 
 
 class Inner(Strict):

@@ -6,8 +6,7 @@ import pytest
 from alloc.simulation import inputs_hash, simulate
 from studies.comparison.summary import make_grid
 from studies.files.study_error import StudyError
-from studies.scenario.loading import load_scenario, shipped_scenarios
-from studies.scenario.scenario import Day, VariationKeys
+from studies.scenario.scenario import Day, VariationKeys, load_scenario, shipped_scenarios
 
 RAIL = {"level": 0.05, "increments": {"law": "logarithmic"}}
 QUIET = {"rail": RAIL, "onboard": {}, "variation": None}
