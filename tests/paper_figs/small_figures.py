@@ -52,16 +52,19 @@ from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.blended_tables import blended_table
 from tests.studies.brake_tables import brake_table
-from tests.studies.comparison_tables import comparison_table
 from tests.studies.example_lines import EXAMPLE_PATH, example_stock, short_route
 from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
-from tests.studies.learning_tables import falling, synthetic
 from tests.studies.mismatch_tables import mismatch_table
 from tests.studies.position_tables import position_table
-from tests.studies.readhesion_tables import sweep_table
-from tests.studies.sander_tables import sander_table
-from tests.studies.slide_tables import slide_table
+from tests.studies.made_tables import (
+    comparison_table,
+    falling,
+    sander_table,
+    slide_table,
+    sweep_table,
+    synthetic,
+)
 from tests.studies.sweep_tables import claim_table, difference_table
 
 DPI = 50

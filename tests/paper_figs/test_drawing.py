@@ -52,12 +52,10 @@ from studies.slides.jp4209318 import brake, brake_event
 from tests.paper_figs import small_figures
 from tests.paper_figs.text_boxes import cut_off, overlapping, words_of
 from tests.studies.brake_tables import brake_table
-from tests.studies.comparison_tables import RULES, SCENARIOS, comparison_table
 from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import ladder_table
-from tests.studies.learning_tables import falling
-from tests.studies.learning_tables import synthetic as learning_table
-from tests.studies.readhesion_tables import sweep_table
+from tests.studies.made_tables import RULES, SCENARIOS, comparison_table, falling, sweep_table
+from tests.studies.made_tables import synthetic as learning_table
 
 PYPROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
 PLUGIN = """

@@ -47,11 +47,9 @@ from tests.paper_figs import small_figures
 from tests.paper_figs.small_figures import DPI, DRAWN, TABLES, from_tables, pixels, without_letters
 from tests.paper_figs.text_boxes import cut_off, overlapping, words_of
 from tests.studies.brake_tables import brake_table
-from tests.studies.comparison_tables import RULES as RULES_COMPARED
-from tests.studies.comparison_tables import comparison_table
-from tests.studies.learning_tables import falling
-from tests.studies.learning_tables import synthetic as learning_table
-from tests.studies.readhesion_tables import limit_of, sweep_table
+from tests.studies.made_tables import RULES as RULES_COMPARED
+from tests.studies.made_tables import comparison_table, falling, limit_of, sweep_table
+from tests.studies.made_tables import synthetic as learning_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
 TOLERANCE = 1.0

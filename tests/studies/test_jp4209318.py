@@ -59,7 +59,7 @@ from studies.slides.jp4209318 import (
     undisclosed_of,
     unreached,
 )
-from tests.studies.slide_tables import AS_PRINTED
+from tests.studies.made_tables import AS_PRINTED
 
 FEW = (*MEMBERS[::5], *HELD_OUT[::5])
 

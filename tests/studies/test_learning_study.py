@@ -11,7 +11,7 @@ from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, VERDICTS
 from studies.core.study import find_study
 from studies.patent import learning_study as study
 from studies.patent.learning_study import ARMS, LEARNING, PARTS, SERIES, TOLERANCE, per_series
-from tests.studies.learning_tables import falling, synthetic
+from tests.studies.made_tables import falling, synthetic
 
 SHORT = 2.0
 """Length of a start [s] in which the foremost units slip a few times."""

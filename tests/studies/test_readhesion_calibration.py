@@ -28,7 +28,7 @@ from studies.readhesion_paper.calibration import (
 from studies.readhesion_paper.calibration_study import CALIBRATION, LEAST_SETS
 from studies.readhesion_paper.findings import CLAIMS
 from studies.readhesion_paper.paper import ASSUMED, CALIBRATED, RIVAL, UNITS
-from tests.studies.readhesion_tables import calibration_table
+from tests.studies.made_tables import calibration_table
 
 WANTED = np.array([0.7, 0.4, 0.5, 0.6])
 """Where in the unit cube the stub's objective is least."""

@@ -51,7 +51,7 @@ from studies.readhesion_paper.paper import (
     slip_spans,
 )
 from tests.plant.numpy_plant import compiled_rate
-from tests.studies.readhesion_tables import index_rows, limit_of
+from tests.studies.made_tables import index_rows, limit_of
 
 COARSE = 5e-4
 """Step [s] at which a run is cheap and its indices are still the same to some per cent."""

@@ -9,7 +9,7 @@ from studies.core.study import find_study
 from studies.readhesion_paper import study
 from studies.readhesion_paper.findings import CLAIMS
 from studies.readhesion_paper.study import NARROW, PRINTED, READHESION
-from tests.studies.readhesion_tables import limit_of, sweep_table
+from tests.studies.made_tables import limit_of, sweep_table
 
 COARSE = 5e-4
 

@@ -35,7 +35,7 @@ from studies.stops.sander_trial import (
     stop,
 )
 from studies.stops.sanders_study import SANDERS, sander_statements
-from tests.studies.sander_tables import BEST, REAR, sander_table
+from tests.studies.made_tables import BEST, REAR, sander_table
 
 
 def verdict(name, **how):

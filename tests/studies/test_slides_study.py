@@ -10,7 +10,7 @@ from studies.core.study import find_study
 from studies.slides import study
 from studies.slides.jp4209318 import TABLE_3, TABLE_4, TARGETS, front
 from studies.slides.study import SLIDE_PROTECTION, slide_statements, tables
-from tests.studies.slide_tables import slide_table
+from tests.studies.made_tables import slide_table
 
 
 @pytest.fixture

@@ -46,7 +46,7 @@ from studies.stops.wsp_acceptance_study import (
     stopped_run,
     table_cases,
 )
-from tests.studies.acceptance_tables import acceptance_table
+from tests.studies.made_tables import acceptance_table
 
 TRAIN = discs(2)
 SPEED = 20.0
