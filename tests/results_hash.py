@@ -47,20 +47,20 @@ from studies.slides.ensemble_study import Effort
 from tests.paper_figs import small_figures
 from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.brake_tables import brake_table
-from tests.studies.comparison_tables import comparison_table
 from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
-from tests.studies.mismatch_tables import mismatch_table
-from tests.studies.position_tables import position_table
-from tests.studies.resistance_tables import resistance_table
 from tests.studies.made_tables import (
     acceptance_table,
     calibration_table,
+    comparison_table,
     sander_table,
     slide_table,
     sweep_table,
     synthetic,
 )
+from tests.studies.mismatch_tables import mismatch_table
+from tests.studies.position_tables import position_table
+from tests.studies.resistance_tables import resistance_table
 from tests.studies.sweep_tables import claim_table, difference_table
 from tests.studies.test_patent_in_stops import braking_table, printed_table
 

@@ -55,8 +55,6 @@ from tests.studies.brake_tables import brake_table
 from tests.studies.example_lines import EXAMPLE_PATH, example_stock, short_route
 from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
-from tests.studies.mismatch_tables import mismatch_table
-from tests.studies.position_tables import position_table
 from tests.studies.made_tables import (
     comparison_table,
     falling,
@@ -65,6 +63,8 @@ from tests.studies.made_tables import (
     sweep_table,
     synthetic,
 )
+from tests.studies.mismatch_tables import mismatch_table
+from tests.studies.position_tables import position_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
 DPI = 50
