@@ -125,7 +125,6 @@ def _weights(events: int) -> Any:
         yield drawn.astype(float)
 
 
-Floats = NDArray[np.float64]
 Ranges = Mapping[str, tuple[float, float]]
 """Smallest and largest value of quantities that are no registered metrics, by name."""
 AT_LEAST: Final = "at least"

@@ -73,11 +73,10 @@ def processes(count: int) -> Iterator[Workers]:
         interrupted = False
     finally:
         if interrupted:
-            executor.shutdown(wait=False, cancel_futures=True)
             for process in multiprocessing.active_children():
                 if process not in others:
                     process.kill()
-        executor.shutdown(wait=True)
+        executor.shutdown(wait=True, cancel_futures=interrupted)
 
 
 @contextmanager
