@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from alloc.estimation.slip_events import SMALL
-from studies.log_accuracy import defects as spoil
+from studies.logs import defects as spoil
 from studies.logs.aligned_log import find_dead_zone, open_log
 from studies.logs.channels import forwards
 from studies.logs.mapping import Mapping

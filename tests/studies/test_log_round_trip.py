@@ -12,15 +12,12 @@ from alloc.estimation.slip_events import SlipCriterion
 from alloc.metrics import METRICS
 from alloc.metrics.registry import SLIP_FACTOR
 from studies.core.statement import FAILS, HOLDS
-from studies.log_accuracy.defects import speeds_of
-from studies.log_accuracy.drawn_defects import DEFECTS, Logged
-from studies.log_accuracy.drawn_logs import CLEAN, PLAIN, rows_of
-from studies.log_accuracy.forms import FORMS
-from studies.log_accuracy.statements import log_accuracy_statements
-from studies.log_accuracy.study import LOG_ACCURACY
+from studies.logs.defects import speeds_of
+from studies.logs.log_accuracy_study import LOG_ACCURACY, log_accuracy_statements
 from studies.logs.measured_log import check_log, read_log
 from studies.logs.measured_run import Findings, analyse_run
 from studies.logs.simulated import log_table, rounded
+from studies.logs.spoiled_logs import CLEAN, DEFECTS, FORMS, PLAIN, Logged, rows_of
 from tests.studies.logged_runs import logged
 
 

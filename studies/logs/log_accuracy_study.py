@@ -1,10 +1,14 @@
-"""Claims of the sweep `log-accuracy`; a log is an event."""
+"""How right the figures of logs are that recorders have written with their usual defects."""
 
 import pandas as pd
 
+from studies.core.cell import Task
 from studies.core.claims import ABOUT, AT_LEAST, AT_MOST, Claim, conjunction, how_many
 from studies.core.statement import Statement, in_words
-from studies.log_accuracy.drawn_logs import CLEAN, LITTLE, PLAIN, SLIPS, TOLERANCE
+from studies.core.study import EachEvent, Study
+from studies.logs.spoiled_logs import CLEAN, LITTLE, LOGS, PLAIN, SLIPS, TOLERANCE, rows_of
+
+# Claims of the sweep `log-accuracy`; a log is an event.
 
 ENOUGH_RIGHT, MOST_SILENT = 0.90, 0.01
 """Share of spoiled logs that should be answered rightly, and of those that may be wrong without a word."""
@@ -86,3 +90,18 @@ def log_accuracy_statements(table: pd.DataFrame) -> list[Statement]:
         for name, column in BY_DEFECT.items()
     }
     return [conjunction(logs, claim, numbers=told.get(claim.name, {})) for claim in CLAIMS]
+
+
+def cells(seed: int, k: int, logs: int = LOGS) -> list[Task]:
+    """Run `k` and its logs."""
+    return [Task(f"{seed}/{k:04d}/{logs}", rows_of, (seed, k, logs), (("seed", seed),))]
+
+
+LOG_ACCURACY = Study(
+    name="log-accuracy",
+    question="how right figures from logs are that recorders wrote with drawn defects, and what is said of wrong ones",
+    default_events=68,
+    cells=EachEvent(cells),
+    judge=log_accuracy_statements,
+    claims=CLAIMS,
+)

@@ -1,1 +1,0 @@
-"""How right the figures of logs are that have the usual defects of recorders."""
