@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from alloc.compilation import equation, inlined_jit
+from alloc.compilation import equation, inlined_jit, jit
 from alloc.errors import OnboardError
 from alloc.onboard.reference_speed import is_relieved
 from alloc.onboard.telegrams import DETECTED, ESTIMATE
@@ -55,10 +55,18 @@ class IncrementLearning:
     `unit_deviation`. Source: assumed: half of the largest increment."""
     drift: float = quantity(0.0, "1")
     """Gaussian: variance added after every datum, so that the train can follow the seasons."""
+    update: Literal["run", "next run"] = "run"
+    """Running mean: when new data change an increment. Run: as soon as there are enough of them. Next run: before the next
+    run, as after several stations. Source: JP5484215, par. 0065, says after several stations."""
+    weight: Literal["all", "original"] = "all"
+    """Running mean: data that count behind the stored increment, N_z. All: those of earlier updates too, so that later ones
+    change it less and less. Original: those of the original table. Source: JP5484215, par. 0067, says original."""
 
     def __post_init__(self) -> None:
         OnboardError.check_choice("learning", "kind", self.kind, KINDS)
         OnboardError.check_choice("learning", "reference", self.reference, ("received", "held"))
+        OnboardError.check_choice("learning", "update", self.update, ("run", "next run"))
+        OnboardError.check_choice("learning", "weight", self.weight, ("all", "original"))
         nonnegative = ("stored", "deviation", "drift")
         OnboardError.check("learning", self, ("noise",), nonnegative, infinite=())
         for name in ("first", "further"):
@@ -139,7 +147,11 @@ def first_increments(
     Where it learns, increments are those over the foremost unit; otherwise only their differences count.
     """
     if learnt is not None:
-        return Increments(*(np.array(values, dtype=float) for values in astuple(learnt)))
+        found = Increments(*(np.array(values, dtype=float) for values in astuple(learnt)))
+        if learning.kind == "running-mean" and learning.update == "next run":
+            for j in range(increment.size):
+                update_mean(found, j, learning.first, learning.further, learning.weight == "all")
+        return found
     if learning.kind != "none":
         increment = increment - increment[:1]
     empty = np.zeros((4, increment.size))
@@ -168,6 +180,17 @@ def running_mean(increment, behind, waiting_sum, waiting):
     return (increment * behind + mean * waiting) / (behind + waiting)  # (17)
 
 
+@jit
+def update_mean(k, j, first, further, grows):
+    """Change the increment of unit `j` by data that wait, if there are enough; if `grows`, these count behind it then."""
+    if k.waiting[j] >= (further if k.updates[j] > 0.0 else first):
+        k.increment[j] = running_mean(k.increment[j], k.behind[j], k.waiting_sum[j], k.waiting[j])
+        if grows:
+            k.behind[j] += k.waiting[j]
+        k.waiting_sum[j] = k.waiting[j] = 0.0
+        k.updates[j] += 1.0
+
+
 @equation
 def gaussian_posterior(increment, deviation, datum, noise, drift):
     """Posterior mean and standard deviation after a datum that scatters by `noise` about the true increment."""
@@ -189,11 +212,8 @@ def take_datum(learning, k, j, datum, leader):
         return
     k.waiting_sum[j] += datum
     k.waiting[j] += 1.0
-    if k.waiting[j] >= (learning.further if k.updates[j] > 0.0 else learning.first):
-        k.increment[j] = running_mean(k.increment[j], k.behind[j], k.waiting_sum[j], k.waiting[j])
-        k.behind[j] += k.waiting[j]
-        k.waiting_sum[j] = k.waiting[j] = 0.0
-        k.updates[j] += 1.0
+    if learning.at_once:
+        update_mean(k, j, learning.first, learning.further, learning.grows)
 
 
 @inlined_jit

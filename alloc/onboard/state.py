@@ -98,7 +98,9 @@ class Settings(NamedTuple):
     pace: ReferencePace
     brakes: Any  # with `by_pressure`: whether the air brake's force is that of the pressure
     sanding: Any
-    learning: Any  # with `learner`, its identifier, and `held`, whether a datum counts against the leader's last slip
+    # with `learner`, its identifier; `held`: a datum counts against the leader's last slip; `at_once`, `grows`: when and how
+    # a running mean changes
+    learning: Any
 
 
 def reference_settings(onboard: Onboard) -> Any:
@@ -159,6 +161,8 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
         learning=numbers_of(
             onboard.learning,
             learner=KINDS[onboard.learning.kind],
+            at_once=onboard.learning.update == "run",
+            grows=onboard.learning.weight == "all",
             held=onboard.learning.reference == "held",
         ),
     )

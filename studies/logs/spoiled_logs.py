@@ -1,4 +1,4 @@
-"""Drawn runs, logs that recorders would write of them, their defects with drawn parameters, and what the analysis makes of each."""
+"""Drawn runs, the logs of them that recorders would write, with defects, and what the analysis makes of each."""
 
 import re
 import tempfile

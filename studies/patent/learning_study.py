@@ -46,13 +46,17 @@ class LearningArm(NamedTuple):
     learner: Literal["none", "truth", "running-mean", "gaussian"]
     rule: str = "exact"
     reference: Reference = "received"
+    update: Literal["run", "next run"] = "run"
+    weight: Literal["all", "original"] = "all"
 
     @property
     def learning(self) -> IncrementLearning:
         """What runs on board."""
         if self.learner == "none" or self.learner == "truth":
             return IncrementLearning("running-mean", self.reference, first=NEVER)
-        return IncrementLearning(self.learner, self.reference)
+        return IncrementLearning(
+            self.learner, self.reference, update=self.update, weight=self.weight
+        )
 
 
 ARMS: dict[str, LearningArm] = {
@@ -61,6 +65,9 @@ ARMS: dict[str, LearningArm] = {
     "truth, held": LearningArm("truth", reference="held"),
     "running mean": LearningArm("running-mean"),
     "running mean, held": LearningArm("running-mean", reference="held"),
+    "running mean, next run": LearningArm("running-mean", update="next run"),
+    "running mean, original weight": LearningArm("running-mean", weight="original"),
+    "running mean, both": LearningArm("running-mean", update="next run", weight="original"),
     "Gaussian": LearningArm("gaussian", reference="held"),
     "Gaussian, robust": LearningArm("gaussian", rule="qp-robust", reference="held"),
 }

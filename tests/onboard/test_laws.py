@@ -612,6 +612,8 @@ def test_a_train_begins_with_what_it_has_learnt_else_with_what_it_believes():
     [
         ({"kind": "magic"}, "kind = 'magic' must be one of none, running-mean, gaussian"),
         ({"reference": "latest"}, "reference = 'latest' must be one of received, held"),
+        ({"update": "never"}, "update = 'never' must be one of run, next run"),
+        ({"weight": "half"}, "weight = 'half' must be one of all, original"),
         ({"first": 0}, "first = 0 must be a whole number, 1 or greater"),
         ({"further": 2.5}, r"further = 2.5 must be a whole number"),
         ({"noise": 0.0}, "noise = 0.0 must be"),

@@ -293,9 +293,9 @@ def onsets(run):
 MEAN = IncrementLearning("running-mean", first=3, further=2, stored=4.0)
 
 
-@looped("trigger", ["slip", "limited"])
-def test_what_a_run_learns_is_16_and_17_of_its_data(trigger):
-    event = wet_start(replace(MEAN, reference="held"), trigger=trigger)
+@looped(("trigger", "weight"), [("slip", "all"), ("limited", "all"), ("slip", "original")])
+def test_what_a_run_learns_is_16_and_17_of_its_data(trigger, weight):
+    event = wet_start(replace(MEAN, reference="held", weight=weight), trigger=trigger)
     run = simulate(event, "exact")
     given = run["increment"].values[0]
     increment, count = given.copy(), np.full(4, 4.0)
@@ -306,7 +306,7 @@ def test_what_a_run_learns_is_16_and_17_of_its_data(trigger):
         if len(waiting[unit]) == (2 if updates[unit] else 3):
             n = len(waiting[unit])
             increment[unit] = running_mean(increment[unit], count[unit], sum(waiting[unit]), n)
-            count[unit] += n
+            count[unit] += n * (weight == "all")
             waiting[unit], updates[unit] = [], updates[unit] + 1
         over_time[k:, unit] = increment[unit]
     assert updates.sum() > 0
@@ -319,6 +319,28 @@ def test_what_a_run_learns_is_16_and_17_of_its_data(trigger):
     assert learnt.waiting == tuple(map(len, waiting))
     np.testing.assert_allclose(learnt.waiting_sum, list(map(sum, waiting)), rtol=1e-12)
     assert learnt.updates == tuple(updates)
+
+
+def test_data_of_a_run_may_wait_for_the_next_one():
+    """Then (17) is used once for all of them, before that run begins."""
+    event = wet_start(replace(MEAN, update="next run"))
+    first = simulate(event, "exact")
+    given = first["increment"].values
+    np.testing.assert_array_equal(given, np.tile(given[0], (given.shape[0], 1)))
+    learnt = learnt_in(first)
+    assert max(learnt.waiting) >= MEAN.first
+    belief = replace(event.onboard.belief, learnt=learnt)
+    second = simulate(replace(event, onboard=replace(event.onboard, belief=belief)), "exact")
+    expected = [
+        running_mean(one, behind, total, count) if count >= MEAN.first else one
+        for one, behind, total, count in zip(
+            learnt.increment, learnt.behind, learnt.waiting_sum, learnt.waiting, strict=True
+        )
+    ]
+    np.testing.assert_allclose(second["increment"].values[0], expected, rtol=1e-12, atol=1e-15)
+    assert learnt_in(second).updates == tuple(
+        float(count >= MEAN.first) for count in learnt.waiting
+    )
 
 
 def test_a_second_run_goes_on_where_the_first_one_ended():
