@@ -34,7 +34,7 @@ class Further:
     """Smooth each car's brake force, and name cars that fall short of their share of it: couplers and accelerations of all
     cars must be in the log."""
     resistance: bool = False
-    """Learn the running resistance (JP H07-322414, claims 6 and 7)."""
+    """Learn the running resistance (JP H07-322414, claim 7)."""
     against: str | None = None
     """Compare with a simulated run of the same train: what `readhesion simulate` wrote by `--log` or `--out` (.nc), or a
     scenario."""
