@@ -289,7 +289,7 @@ class LeastSquaresLearner(Learner):
         return np.sqrt(np.diag(self.covariance))
 
 
-# Stand-alone learner of running resistance on a recorded run: JP H07-322414, claim 7, Fig. 7 (par. 0049 calls that figure claim 6, whose criterion is another).
+# Stand-alone learner of running resistance on a recorded run: JP H07-322414, claim 7, Fig. 7; par. 0049 calls it claim 6.
 
 
 Source = Literal["measured", "commanded"]

@@ -7,14 +7,11 @@ wide ranges, then around the best of them, and the simplex method refines these.
 cover what the paper leaves open.
 """
 
-import argparse
 import math
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -24,7 +21,6 @@ from scipy.stats import norm, qmc
 from alloc.metrics.search import LimitSearch, limit_coefficient
 from studies.core.calibration import needed, walk
 from studies.core.cell import Task
-from studies.core.study import study_folder
 from studies.readhesion_paper.findings import (
     CLAIMS,
     Finding,
@@ -51,10 +47,8 @@ from studies.readhesion_paper.paper import (
 )
 
 # The ensemble of the readhesion paper's calibration: sets that meet as many findings as any, in both units of a_0 and
-# a_w.
-#
-# `members.csv` holds what `readhesion sweep calibration` found; `python -m studies.readhesion_paper.calibration` writes it
-# again.
+# a_w. `members.csv` holds what `readhesion sweep calibration` found; `python -m
+# studies.readhesion_paper.calibration_study` writes it again.
 
 FILE = Path(__file__).with_name("members.csv")
 COLUMNS = ("residual_ratio", "rise", "fall", "time_constant", "unit")
@@ -71,31 +65,6 @@ def _sets(unit: Unit) -> tuple[Unprinted, ...]:
 
 MEMBERS: dict[Unit, tuple[Unprinted, ...]] = {unit: _sets(unit) for unit in UNITS}
 """Sets by unit; the first of each is the one that figures draw."""
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the members from the table of the calibration, whose missing rows are run first."""
-    from studies.readhesion_paper.calibration_study import CALIBRATION
-
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--results", type=Path, default=Path("results"))
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=joblib.cpu_count())
-    parser.add_argument("--out", type=Path, default=FILE)
-    given = parser.parse_args(arguments)
-    folder = study_folder(given.results, CALIBRATION.name)
-    table = CALIBRATION.run(folder, CALIBRATION.default_events, given.seed, given.jobs)
-    # those tried because they are in use come first
-    order = table["stage"].map({"shipped": 0, "assumed": 1}).fillna(2)
-    ordered = table.loc[order.sort_values(kind="stable").index]
-    parts = [members(ordered, unit) for unit in UNITS]
-    pd.concat(parts)[list(COLUMNS)].to_csv(given.out, index=False)
-    print(", ".join(f"{unit}: {len(part)} sets" for unit, part in zip(UNITS, parts, strict=True)))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
 
 
 # The readhesion paper's sensitivity grid (section 3.3): mu_lim by 0.01, then by 0.002 near the limit, then bisection.

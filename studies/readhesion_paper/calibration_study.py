@@ -1,17 +1,24 @@
 """The calibration of what the readhesion paper does not print: does a set do as it says, how narrow is it, which unit?"""
 
+import argparse
+import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+import joblib
 import pandas as pd
 
 from studies.core.calibration import RANGE, median_of
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, conjunction
 from studies.core.statement import Interval, Statement, in_words, unmet
-from studies.core.study import Study
+from studies.core.study import Study, study_folder
 from studies.readhesion_paper.calibration import (
+    COLUMNS,
     DEFAULT_SAMPLES,
+    FILE,
     GENERATIONS,
     LEAST_MET,
     NEARNESS,
@@ -198,3 +205,26 @@ CALIBRATION = Study(
     claims=STATED,
     whole=True,
 )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the members from the table of the calibration, whose missing rows are run first."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--results", type=Path, default=Path("results"))
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=joblib.cpu_count())
+    parser.add_argument("--out", type=Path, default=FILE)
+    given = parser.parse_args(arguments)
+    folder = study_folder(given.results, CALIBRATION.name)
+    table = CALIBRATION.run(folder, CALIBRATION.default_events, given.seed, given.jobs)
+    # those tried because they are in use come first
+    order = table["stage"].map({"shipped": 0, "assumed": 1}).fillna(2)
+    ordered = table.loc[order.sort_values(kind="stable").index]
+    parts = [members(ordered, unit) for unit in UNITS]
+    pd.concat(parts)[list(COLUMNS)].to_csv(given.out, index=False)
+    print(", ".join(f"{unit}: {len(part)} sets" for unit, part in zip(UNITS, parts, strict=True)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,11 +1,15 @@
 """Which sets of undisclosed parameters reach the tables of JP4209318, and what do they say of two cars if not told?"""
 
+import argparse
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -14,17 +18,21 @@ from studies.core.calibration import RANGE, median_of, needed, range_of, walk
 from studies.core.cell import Task
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, conjunction, how_many
 from studies.core.statement import Statement, in_words
-from studies.core.study import Study
+from studies.core.study import Study, study_folder
 from studies.slides.jp4209318 import (
     BOUNDS,
     CALIBRATED,
+    FILE,
     HOLD_OUT,
     HOLD_OUT_TOLERANCE,
+    MOST_MEMBERS,
     OUTCOMES,
     PRINTED_NUMBERS,
+    SEED,
     TABLE_3,
     TARGETS,
     Undisclosed,
+    chosen,
     draw,
     from_unit_cube,
     implausible,
@@ -517,3 +525,23 @@ SLIDE_CALIBRATION = Study(
     claims=CLAIMS,
     whole=True,
 )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the members from the sweep's table, whose missing rows are run first."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--results", type=Path, default=Path("results"))
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--jobs", type=int, default=joblib.cpu_count())
+    parser.add_argument("--out", type=Path, default=FILE)
+    given = parser.parse_args(arguments)
+    folder = study_folder(given.results, SLIDE_CALIBRATION.name)
+    table = SLIDE_CALIBRATION.run(folder, SLIDE_CALIBRATION.default_events, given.seed, given.jobs)
+    parts = [chosen(table, arm, leave_out).head(MOST_MEMBERS) for arm, leave_out in ARMS.items()]
+    pd.concat(parts)[["arm", *BOUNDS]].to_csv(given.out, index=False)
+    print(", ".join(f"{arm}: {len(part)} sets" for arm, part in zip(ARMS, parts, strict=True)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

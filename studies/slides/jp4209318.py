@@ -5,15 +5,12 @@ sliding wheels condition the rail, the rules and the three sensitivities are not
 `studies.slides.ensemble_study` seeks sets that bring out Tables 3 and 4.
 """
 
-import argparse
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import joblib
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -32,7 +29,6 @@ from alloc.plant.sets import find_set
 from alloc.plant.train import Train
 from alloc.simulation import simulate
 from studies.core.claims import ABOUT, AT_MOST, Claim, meets
-from studies.core.study import study_folder
 
 INITIAL_SPEED = 100.0 / 3.6
 CYCLE = 0.02
@@ -475,7 +471,7 @@ def jittered(
 # The ensemble of the slide protection's calibration: sets that reach the tables of JP4209318, and fits without two
 # cars.
 #
-# `members.csv` holds what `readhesion sweep slide-calibration --seed 1` found; `python -m studies.slides.jp4209318`
+# `members.csv` holds what `readhesion sweep slide-calibration --seed 1` found; `python -m studies.slides.ensemble_study`
 # writes it again.
 
 FILE = Path(__file__).with_name("members.csv")
@@ -505,25 +501,3 @@ MEMBERS = _sets("all")
 """Sets that reach every target; the first is the one in use."""
 HELD_OUT = _sets("held out")
 """Sets that reach every target but the distance of two cars, of which the search did not know."""
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the members from the sweep's table, whose missing rows are run first."""
-    from studies.slides.ensemble_study import ARMS, SLIDE_CALIBRATION  # needed here alone
-
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--results", type=Path, default=Path("results"))
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--jobs", type=int, default=joblib.cpu_count())
-    parser.add_argument("--out", type=Path, default=FILE)
-    given = parser.parse_args(arguments)
-    folder = study_folder(given.results, SLIDE_CALIBRATION.name)
-    table = SLIDE_CALIBRATION.run(folder, SLIDE_CALIBRATION.default_events, given.seed, given.jobs)
-    parts = [chosen(table, arm, leave_out).head(MOST_MEMBERS) for arm, leave_out in ARMS.items()]
-    pd.concat(parts)[["arm", *BOUNDS]].to_csv(given.out, index=False)
-    print(", ".join(f"{arm}: {len(part)} sets" for arm, part in zip(ARMS, parts, strict=True)))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -231,10 +231,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
-
-
 # Where the same sand stops eight cars soonest, and how the brake force is shared among them: events and arms.
 
 AMOUNT, RATE = 4 * VARIABLE_AMOUNT, 4 * GREATEST_RATE
@@ -331,3 +327,7 @@ def place_row(
 
 NOMINAL: dict[str, Any] = {"level": 0.02, "scatter": 0.0, "speed": 3.6 * INITIAL_SPEED, "wear": 1.0}
 """The trial's rail and speed."""
+
+
+if __name__ == "__main__":
+    sys.exit(main())

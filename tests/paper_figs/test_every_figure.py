@@ -397,7 +397,9 @@ def test_each_controller_has_its_own_verdicts_and_few_events_say_so():
     for draw, verdict in ((claim_verdicts, HOLDS), (claim_verdicts_search, FAILS)):
         axes = draw(table).axes[1]
         assert [label.get_text() for label in axes.get_yticklabels()] == list(LAYERS)
-        assert [words.get_text().partition(",")[0] for words in axes.texts] == [verdict] * len(LAYERS)
+        assert [words.get_text().partition(",")[0] for words in axes.texts] == [verdict] * len(
+            LAYERS
+        )
     few = claim_verdicts(claim_table(4))
     assert all(axes.texts[0].get_text().startswith("too few events") for axes in few.axes)
 
