@@ -6,7 +6,7 @@ Nobody on board may import this module.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ from alloc.errors import PlantError
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
 from alloc.plant.laws import conditioning_deposit, sand_laid, slip_ratio
 from alloc.plant.operations import exp, floor, maximum, minimum, sine
+from alloc.records import NOT_IN_FILES, quantity
 
 SPEED_LAWS: dict[str, tuple[float, float, float]] = {
     "none": (0.0, 1.0, 1.0),
@@ -56,19 +57,19 @@ class Patch:
     Source: assumed.
     """
 
-    factor: float
+    factor: float = quantity(MISSING, "1", most=1000.0)
     """Factor on the coefficient."""
-    start: float = -1e6
-    """Position where the stretch begins [m]."""
-    end: float = 1e6
-    """Position where it ends [m]."""
-    edge: float = 5.0
+    start: float = quantity(-1e6, "m")
+    """Position where the stretch begins [m]. Left out: before any train."""
+    end: float = quantity(1e6, "m")
+    """Position where it ends [m]. Left out: beyond any train."""
+    edge: float = quantity(5.0, "m")
     """Length of the smooth transition at either end [m]."""
-    begin: float = -1e6
-    """Instant at which it begins [s]."""
-    until: float = 1e6
-    """Instant at which it ends [s]."""
-    fade: float = 0.2
+    begin: float = quantity(-1e6, "s")
+    """Instant at which it begins [s]. Left out: before the run."""
+    until: float = quantity(1e6, "s")
+    """Instant at which it ends [s]. Left out: after the run."""
+    fade: float = quantity(0.2, "s")
     """Time over which it comes and goes [s]."""
 
     def __post_init__(self) -> None:
@@ -320,13 +321,13 @@ class Receptivity:
     Source: assumed.
     """
 
-    mean: float = 1.0
+    mean: float = quantity(1.0, "1", most=1.0)
     """Mean share that the line takes up."""
-    amplitude: float = 0.0
+    amplitude: float = quantity(0.0, "1", most=1.0)
     """Amplitude of its change; 0: it is constant."""
-    period: float = 3.0
+    period: float = quantity(3.0, "s")
     """Period of its change [s]."""
-    phase: float = 0.0
+    phase: float = field(default=0.0, metadata=NOT_IN_FILES)
     """Phase of its change [rad]."""
 
     def __post_init__(self) -> None:

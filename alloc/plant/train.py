@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from alloc.display import displayed
 from alloc.errors import PlantError
 from alloc.plant.laws import GRAVITY
+from alloc.records import quantity
 
 # Sanders: devices that lay sand ahead of an axle.
 
@@ -405,13 +406,13 @@ class Coupler:
     Source: assumed.
     """
 
-    stiffness: float = 2.0e7
+    stiffness: float = quantity(2.0e7, "N/m")
     """Stiffness [N/m]."""
-    stiffening: float = 0.0
+    stiffening: float = quantity(0.0, "N/m3")
     """Force over the cube of the stretch [N/m3]."""
-    damping: float = 2.0e5
+    damping: float = quantity(2.0e5, "N s/m")
     """Damping [N s/m]."""
-    slack: float = 0.0
+    slack: float = quantity(0.0, "mm")
     """Slack [m]."""
 
     def __post_init__(self) -> None:
@@ -432,23 +433,23 @@ class DraftGear:
     Source: a published set of draft gears.
     """
 
-    loading: float = 2.57e7
+    loading: float = quantity(2.57e7, "N/m")
     """Slope c1 when loaded [N/m]."""
-    unloading: float = 2.85e6
+    unloading: float = quantity(2.85e6, "N/m")
     """Slope c2 when unloaded, less than `loading` [N/m]."""
-    structure: float = 2.5e8
+    structure: float = quantity(2.5e8, "N/m")
     """Slope ck from one line to the other; beyond the stroke only the structure yields [N/m]."""
-    preload: float = 240e3
+    preload: float = quantity(240e3, "kN")
     """Force T0 at which a gear begins to move [N]."""
-    restoring: float = 50e3
+    restoring: float = quantity(50e3, "kN")
     """Force t0 of an unloaded gear [N]."""
-    stroke: float = 0.09
+    stroke: float = quantity(0.09, "mm")
     """Stroke of a gear [m]."""
-    slack: float = 0.05
+    slack: float = quantity(0.05, "mm")
     """Slack between the two gears [m]."""
-    viscosity: float = 2.0e5
+    viscosity: float = quantity(2.0e5, "N s/m")
     """Viscosity of a gear's sliding wedges, which makes friction a function of the rate [N s/m]. Source: assumed."""
-    damping: float = 1.0e7
+    damping: float = quantity(1.0e7, "N s/m")
     """Damping of a gear's structure [N s/m]. Source: assumed: about critical for two wagons of 85 t; without it a train
     oscillates for minutes on gears that stick."""
     in_series: int = 2

@@ -25,6 +25,7 @@ from studies.files.json_schema import Names, Schema, add, bound_numbers, in_unit
 from studies.files.strict import Strict
 from studies.files.study_error import nearest
 from studies.files.units import range_fault, si
+from studies.scenario.record_keys import built, keys_of
 
 # Keys of a scenario file on the growth of adhesion along the train.
 
@@ -92,26 +93,15 @@ ONE_LEVEL: Schema = {
 """In the schema: a rail has a coefficient, or a law with a factor."""
 
 
-class PatchKeys(Strict):
+_Patch: Any = keys_of(Patch)
+
+
+class PatchKeys(_Patch):
     """A stretch of rail, or a span of time, with another adhesion: `[[rail.patches]]`. Source: assumed."""
-
-    record = Patch
-
-    factor: float = Field(le=1000.0)
-    start_m: float | None = None
-    """Position where the stretch begins. Left out: before any train."""
-    end_m: float | None = None
-    """Position where it ends. Left out: beyond any train."""
-    edge_m: float | None = None
-    begin_s: float | None = None
-    """Instant at which it begins. Left out: before the run."""
-    until_s: float | None = None
-    """Instant at which it ends. Left out: after the run."""
-    fade_s: float | None = None
 
     def patch(self) -> Patch:
         """The plant's patch."""
-        return Patch(**si(self))
+        return built(self, Patch)
 
 
 def _curve_schema(name: str) -> Schema:
@@ -334,15 +324,12 @@ class LineKeys(Strict):
         )
 
 
-class ReceptivityKeys(Strict):
+_Receptivity: Any = keys_of(Receptivity)
+
+
+class ReceptivityKeys(_Receptivity):
     """How much regenerated power the line takes up: `[receptivity]`; the phase is drawn from the seed. Source: assumed."""
-
-    record = Receptivity
-
-    mean: float = Field(default=1.0, le=1.0)
-    amplitude: float = Field(default=0.0, le=1.0)
-    period_s: float = 3.0
 
     def receptivity(self, phase: float) -> Receptivity:
         """The plant's receptivity with a `phase` [rad]; what is constant has none."""
-        return Receptivity(**si(self), phase=phase if self.amplitude else 0.0)
+        return built(self, Receptivity, phase=phase if self.amplitude else 0.0)

@@ -13,6 +13,7 @@ from alloc.plant.train import Car, Coupler, DraftGear, InverterGroup, MotorKind,
 from studies.files.strict import Strict, in_file_words, parse, read_toml
 from studies.files.study_error import StudyError
 from studies.files.units import si
+from studies.scenario.record_keys import built, keys_of
 
 # Keys of a scenario file on the train.
 
@@ -20,40 +21,24 @@ FILES = r"\.([yY][aA]?[mM][lL]|[tT][oO][mM][lL])$"
 """Endings of the files of trains."""
 
 
-class CouplerKeys(Strict):
+_Coupler: Any = keys_of(Coupler)
+_DraftGear: Any = keys_of(DraftGear)
+
+
+class CouplerKeys(_Coupler):
     """Draft gear between all cars, which makes a rigid train a coupled one: `[coupler]`. Source: assumed."""
-
-    record = Coupler
-
-    stiffness_n_per_m: float
-    stiffening_n_per_m3: float | None = None
-    damping_ns_per_m: float | None = None
-    slack_mm: float | None = None
 
     def coupler(self) -> Coupler:
         """The plant's draft gear."""
-        return Coupler(**si(self))
+        return built(self, Coupler)
 
 
-class DraftGearKeys(Strict):
+class DraftGearKeys(_DraftGear):
     """Friction draft gears between all cars in place of `[coupler]`: `[draft_gear]`; a published set if nothing is said."""
-
-    record = DraftGear
-
-    loading_n_per_m: float | None = None
-    unloading_n_per_m: float | None = None
-    structure_n_per_m: float | None = None
-    preload_kn: float | None = None
-    restoring_kn: float | None = None
-    stroke_mm: float | None = None
-    slack_mm: float | None = None
-    viscosity_ns_per_m: float | None = None
-    damping_ns_per_m: float | None = None
-    in_series: int | None = None
 
     def coupler(self) -> DraftGear:
         """The plant's draft gear."""
-        return DraftGear(**si(self))
+        return built(self, DraftGear)
 
 
 class FailureKeys(Strict):

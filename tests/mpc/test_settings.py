@@ -68,7 +68,7 @@ ONBOARD = {
     # N_min, N_arg and N_z are assumed, as is the deviation; noise: JP5484215 par. 0055
     "learning": {
         "kind": "none", "reference": "received", "first": 10, "further": 5, "stored": 10.0, "noise": 0.012,
-        "deviation": 0.010, "drift": 0.0,
+        "deviation": 0.010, "drift": 0.0, "update": "run", "weight": "all",
     },
     "trigger": "limited", "hold_time": 5.0, "rise_time": 1.0, "period": 0.01, "limit_rate": None, "inertia_in_limit": True,
 }  # fmt: skip

@@ -25,11 +25,14 @@ KEYS = [(*key[:3], values) for key in ALL_KEYS if (values := choices_in(key[3]))
 FIRST = {"onboard": {"learning": {"first": 1, "further": 1}}}
 BESIDE: dict[str, dict[str, Any]] = {
     "onboard.learning.kind": FIRST,
-    "onboard.learning.reference": {
-        "onboard": {
-            "learning": {"kind": "running-mean"} | FIRST["onboard"]["learning"],
-            "trigger": "slip",
+    **{
+        f"onboard.learning.{one}": {
+            "onboard": {
+                "learning": {"kind": "running-mean"} | FIRST["onboard"]["learning"],
+                "trigger": "slip",
+            }
         }
+        for one in ("reference", "update", "weight")
     },
     "onboard.braking.air_force": {"receptivity": {"mean": 0.5, "amplitude": 0.4, "period_s": 3.0}},
     "onboard.mpc.compensated": {"onboard": {"mpc": {"computing_delay": 1}}},
