@@ -8,19 +8,9 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from alloc.metrics import METRICS
-from alloc.onboard.host import CONTROLLERS
-from alloc.plant.adhesion import CURVES
-from alloc.plant.sets import SETS, find_set
-from alloc.rules import RULES
 from studies.command_line.options import FilePath, console
-from studies.core.gallery import gallery
-from studies.core.study import all_studies
 from studies.files.study_error import StudyError
 from studies.files.writable import check_file, check_place, make_folder
-from studies.lines.named_files import LINES, TRAINS, shipped
-from studies.logs.mapping import column_names
-from studies.scenario.scenario import SCENARIOS, load_scenario
 
 
 def list_names(*, as_json: Annotated[bool, Parameter("--json", negative=())] = False) -> None:
@@ -210,6 +200,17 @@ def _of_new_file(keys: dict[str, object], name: str, path: Path) -> dict[str, ob
 
 def catalogue() -> dict[str, dict[str, str]]:
     """Kind -> name -> one line of meaning, of all that a command can be told."""
+    from alloc.metrics import METRICS
+    from alloc.onboard.host import CONTROLLERS
+    from alloc.plant.adhesion import CURVES
+    from alloc.plant.sets import SETS
+    from alloc.rules import RULES
+    from studies.core.gallery import gallery
+    from studies.core.study import all_studies
+    from studies.lines.named_files import LINES, TRAINS, shipped
+    from studies.logs.mapping import column_names
+    from studies.scenario.scenario import SCENARIOS, load_scenario
+
     scenarios = {name: load_scenario(name) for name in SCENARIOS}
     return {
         "scenarios": {name: item.title for name, item in scenarios.items()},
@@ -234,6 +235,8 @@ def catalogue() -> dict[str, dict[str, str]]:
 
 def _train(name: str) -> str:
     """Meaning of a train set: what its file says, or the module of one that a package or a plug-in brings, and its size."""
+    from alloc.plant.sets import SETS, find_set
+
     train = find_set(name)
     cars = len(train.cars)
     said = getattr(SETS[name], "description", None) or _first_line(sys.modules[SETS.origin(name)])

@@ -22,16 +22,8 @@ from studies.command_line.options import (
     progress,
     split_names,
 )
-from studies.comparison.summary import Grid
-from studies.core.cell import OnRow
-from studies.core.own_parts import try_parts
-from studies.core.run import Workers, run_cells
-from studies.core.store import Store
 from studies.files.study_error import StudyError
 from studies.files.writable import PAGE, check_file, check_place, make_folder
-from studies.report.answer import drawn_gains, gains_of
-from studies.report.page import Material
-from studies.report.replay import ReplayCell, replays_of
 
 
 def write_report(
@@ -69,7 +61,7 @@ def write_report(
     from alloc.sources import write_whole
     from studies.comparison.summary import make_grid
     from studies.core.run import workers
-    from studies.report.page import check_packages, rendered
+    from studies.report.page import check_packages, gather, rendered
     from studies.scenario.scenario import default_scenarios, load_scenario
 
     count = process_count(jobs)
@@ -241,34 +233,3 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str 
     for name, content in made.contents.items():
         write_whole(out / name, partial(Path.write_bytes, data=content))
     console().print(f"{out} holds the controller, of {made.memory} bytes of static memory")
-
-
-# All data of a page, from the results folder, or run where it lacks them.
-
-REPLAYS = "replays"
-"""Folder of the results in which what is replayed is kept."""
-
-
-def gather(
-    grid: Grid, results: Path, command: str, workers: Workers | None = None, on_row: OnRow | None = None
-) -> Material:  # fmt: skip
-    """The comparison and a replay of each of its lines on the first seed; runs that `results` lacks are made and stored."""
-    table = run_cells(
-        grid.jobs(),
-        Store(results),
-        workers,
-        on_row=on_row,
-        check=partial(try_parts, grid.rules, grid.controllers),
-    )
-    cells = wanted(grid)
-    rows = run_cells(cells, Store(results / REPLAYS), workers, on_row=on_row)
-    replays = replays_of(cells, rows)
-    controllers = (*grid.controllers, *grid.once)
-    gains = [*gains_of(table, replays), *drawn_gains(results, grid.rules, controllers)]
-    return Material(grid, table, replays, gains, command)
-
-
-def wanted(grid: Grid) -> list[ReplayCell]:
-    """Runs to replay: on the first seed, rule by rule, so that what a full page leaves out are whole rules."""
-    first = [job for job in grid.jobs() if job.seed == grid.seeds[0]]
-    return [ReplayCell(job) for job in sorted(first, key=lambda job: grid.rules.index(job.rule))]

@@ -9,7 +9,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,19 +23,25 @@ from alloc.plant.adhesion import CURVES
 from alloc.recording import provenance
 from alloc.rules import RULES
 from studies.comparison.summary import REFERENCE, Grid, SummaryLine, summarise
+from studies.core.cell import OnRow
+from studies.core.own_parts import try_parts
 from studies.core.plugins import plugin_modules
+from studies.core.run import Workers, run_cells
+from studies.core.store import Store
 from studies.files.study_error import StudyError
 from studies.report.answer import (
     Gain,
     Heading,
     as_values,
+    drawn_gains,
+    gains_of,
     headings,
     sentences,
     shown_columns,
     standings,
     table_rows,
 )
-from studies.report.replay import PERIOD, Replay, deflated, drawing
+from studies.report.replay import PERIOD, Replay, ReplayCell, deflated, drawing, replays_of
 from studies.report.run_parts import module_of_controller, module_text, train_text
 from studies.scenario.scenario import SCENARIOS, Scenario
 
@@ -287,3 +293,34 @@ def _hint(one: Heading) -> str:
     """What a heading says of itself."""
     unit = f" [{one.unit}]" if one.unit else ""
     return f"{one.metric}{unit}: {one.meaning}" + (f"; {one.better}" if one.better else "")
+
+
+# All data of a page, from the results folder, or run where it lacks them.
+
+REPLAYS = "replays"
+"""Folder of the results in which what is replayed is kept."""
+
+
+def gather(
+    grid: Grid, results: Path, command: str, workers: Workers | None = None, on_row: OnRow | None = None
+) -> Material:  # fmt: skip
+    """The comparison and a replay of each of its lines on the first seed; runs that `results` lacks are made and stored."""
+    table = run_cells(
+        grid.jobs(),
+        Store(results),
+        workers,
+        on_row=on_row,
+        check=partial(try_parts, grid.rules, grid.controllers),
+    )
+    cells = wanted(grid)
+    rows = run_cells(cells, Store(results / REPLAYS), workers, on_row=on_row)
+    replays = replays_of(cells, rows)
+    controllers = (*grid.controllers, *grid.once)
+    gains = [*gains_of(table, replays), *drawn_gains(results, grid.rules, controllers)]
+    return Material(grid, table, replays, gains, command)
+
+
+def wanted(grid: Grid) -> list[ReplayCell]:
+    """Runs to replay: on the first seed, rule by rule, so that what a full page leaves out are whole rules."""
+    first = [job for job in grid.jobs() if job.seed == grid.seeds[0]]
+    return [ReplayCell(job) for job in sorted(first, key=lambda job: grid.rules.index(job.rule))]

@@ -353,3 +353,13 @@ def test_an_interrupted_comparison_keeps_its_rows_and_ends_its_workers(
     kept = Store(tmp_path / "out").read()
     assert sorted(kept["seed"]) == [0, 1]
     assert (kept["status"] == "ok").all()
+
+
+def test_the_command_starts_without_the_libraries_that_take_a_second():
+    """Each command imports what it needs when it runs; help and a wrong word are there at once."""
+    heavy = "numpy", "pandas", "scipy", "numba", "xarray", "pydantic"
+    asked = f"import sys, studies.command_line.main; print([one for one in {heavy} if one in sys.modules])"
+    found = subprocess.run(
+        [sys.executable, "-c", asked], capture_output=True, text=True, check=True
+    )
+    assert found.stdout.strip() == "[]"
