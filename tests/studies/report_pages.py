@@ -5,10 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from studies.command_line.write_report import gather
 from studies.comparison.summary import Grid, make_grid
 from studies.core.store import Store
-from studies.report.page import Material
+from studies.report.page import Material, gather
 from studies.report.replay import Packed, unpack
 from studies.scenario.scenario import Scenario
 
