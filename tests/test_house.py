@@ -202,3 +202,14 @@ if __name__ == "__main__":
     for name, line, function in once:
         print(f"called once: {name}:{line} {function}")
     print(f"{len(small_modules())} small modules, {len(once)} functions called once")
+
+
+def test_files_of_tests_that_scripts_name_are_there():
+    script = (ROOT / ".ci/versions").read_text()
+    named = [
+        f"{folder}/test_{one}.py"
+        for folder, several in re.findall(r"(tests/\w+)/test_\{([\w,]+)\}\.py", script)
+        for one in several.split(",")
+    ]
+    assert len(named) > 5
+    assert not [name for name in named if not (ROOT / name).is_file()]
