@@ -100,6 +100,7 @@ def _least_adhesion(w, eq, time, truth, trailing):
     It is that of the weakest axle, or of the mean axle where a unit's motors share an inverter or a voltage, for these give
     more torque to the axles that slip less. The state is that in the workspace's scratch.
     """
+    # the right side fills `unit_speed` anew before it reads it, so the sums over units' axles may stand there
     y, axle, shared = w.scratch.state, w.axle, w.scratch.unit_speed
     peak_field(w, time, y)
     for j in range(truth.size):
@@ -228,6 +229,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             a = given.commanded[tick]
             progress.commanded[0] = 0.0 if a < 0.0 and released else a
         a = progress.commanded[0]
+        braking = eq.blended and a < 0.0
         if progress.phase[0] == SENSE:
             failed = False
             for j in range(units):
@@ -252,7 +254,6 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             needed = prepare_allocation(eq, st, m, time, tick, a, failed)
             if needed and st.rule.caps == Caps.TRUE:
                 sign = 1.0 if a >= 0.0 else -1.0
-                braking = eq.blended and a < 0.0
                 true_limits(plant, eq, time, timing.period, sign, braking, m.truth, m.air_most)
             progress.phase[0] = DISTRIBUTE
             if needed:
@@ -272,7 +273,6 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 m.train.level[0], m.train.case[0] = allocate_compiled(
                     st.rule.compiled, asked, m.lead.needed[0], m.limit_wanted
                 )
-        braking = eq.blended and a < 0.0
         if progress.phase[0] == DISTRIBUTE:
             row = (tick // st.telegrams.ticks) % given.delay_draw.shape[0]
             distribute(eq, st, m, time, tick, given.delay_draw[row], given.loss_draw[row])

@@ -124,8 +124,7 @@ class ArrayModel:
         mean = self.unit_of_axle @ (
             (self.unit_of_axle.T @ own) / self._column(self.structure.unit_axles, omega)
         )
-        motor = (self._column(values, omega) for values in self.structure.axle_motor)
-        kind, breakdown, slip = motor
+        kind, breakdown, slip = (self._column(one, omega) for one in self.structure.axle_motor)
         return gear * parallel_motor_torque(kind, torque, breakdown, slip, mean, own)
 
     def wheelsets(self, state: Array, force: Array) -> tuple[Array, Array]:

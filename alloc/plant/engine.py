@@ -258,7 +258,8 @@ def _motors(w, time, y, slope):
         speed = spread(0.0)
         for m in range(unit.members.shape[0]):
             speed = speed + load(unit.share[m], j) * gather(y, unit.members[m], j)
-        store(w.scratch.unit_speed, j, speed * load(unit.shaft, j))
+        if w.axle.parallel:
+            store(w.scratch.unit_speed, j, speed * load(unit.shaft, j))
         place = load(unit.table_start, j) + limit_place(
             speed, 1.0 / EFFORT_SPEED_STEP, unit.table_size
         )

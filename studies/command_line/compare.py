@@ -1,4 +1,4 @@
-"""`readhesion compare`: rules and controllers over the same slip events."""
+"""Many runs in a folder of results: `readhesion compare`, `sweep`, `merge`."""
 
 import json
 from functools import partial

@@ -1,4 +1,4 @@
-"""`readhesion list`: what there is to choose from."""
+"""What there is and what belongs to it: `readhesion list`, `check`, `schema`, `new-scenario`."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""`readhesion report`: a comparison as one HTML file that opens offline."""
+"""What goes into papers and other programs: `readhesion report`, `figures`, `cite`, `export-controller`."""
 
 import json
 import sys

@@ -112,6 +112,14 @@ def complete(table: pd.DataFrame) -> pd.DataFrame:
     return table[~table["scenario"].isin(failed)]
 
 
+def with_meaning(
+    table: pd.DataFrame, meanings: Mapping[str, tuple[Any, ...]], *columns: str
+) -> pd.DataFrame:
+    """The rows with what the name of their scenario stands for, in these columns."""
+    found = [meanings[name] for name in table["scenario"]]
+    return table.join(pd.DataFrame(found, columns=list(columns), index=table.index))
+
+
 def paired(
     table: pd.DataFrame, arm: str, numbers: Iterable[str], drawn: Iterable[str]
 ) -> pd.DataFrame:

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack, closing, contextmanager, redirect_stdout
+from copy import copy
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import lru_cache
@@ -64,8 +65,14 @@ def processes(count: int) -> Iterator[Workers]:
 
     On Linux they are forks, which have what this process has imported and compiled; elsewhere they start from the beginning.
     """
-    context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-    others = multiprocessing.active_children()
+    context: Any = copy(multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn"))
+    start, made = context.Process, []
+
+    def started(*arguments: Any, **options: Any) -> Any:
+        made.append(start(*arguments, **options))
+        return made[-1]
+
+    context.Process = started  # of this copy: the executor names its processes nowhere
     executor = ProcessPoolExecutor(count, context, _begin, (os.getpid(),))
     interrupted = True
     try:
@@ -73,8 +80,8 @@ def processes(count: int) -> Iterator[Workers]:
         interrupted = False
     finally:
         if interrupted:
-            for process in multiprocessing.active_children():
-                if process not in others:
+            for process in made:
+                if process.is_alive():
                     process.kill()
         executor.shutdown(wait=True, cancel_futures=interrupted)
 

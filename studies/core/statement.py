@@ -245,6 +245,10 @@ def in_words(form: str, scale: float = 1.0) -> Callable[[Interval], str]:
     return lambda i: form.format(scale * i.value, scale * i.low, scale * i.high, i.count)
 
 
+POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] points, n = {}", 100)
+"""A difference of shares in points."""
+
+
 def mean_interval(
     values: Any, confidence: float = CONFIDENCE, within: tuple[float, float] = UNLIMITED
 ) -> Interval:

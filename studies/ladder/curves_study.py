@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from studies.core.claims import Claim, conjunction, quantity
-from studies.core.drawn_events import START_SPEED, Arm, paired, rail_offering
+from studies.core.drawn_events import START_SPEED, Arm, paired, rail_offering, with_meaning
 from studies.core.job import Job
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 from studies.core.study import EachEvent, Study
@@ -132,8 +132,7 @@ def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
 def meant(table: pd.DataFrame, seed: int, events: int) -> pd.DataFrame:
     """The rows with "event" and "curve"."""
     names = {name_of(seed, k, curve): (k, curve) for k in range(events) for curve in CURVES}
-    meaning = table["scenario"].map(names)
-    return table.assign(event=meaning.str[0].astype(int), curve=meaning.str[1])
+    return with_meaning(table, names, "event", "curve")
 
 
 CURVE_STUDY = Study(

@@ -10,9 +10,9 @@ from typing import Any
 import pandas as pd
 
 from studies.core.claims import AT_LEAST, Claim, family
-from studies.core.drawn_events import Arm, complete, paired
+from studies.core.drawn_events import Arm, complete, paired, with_meaning
 from studies.core.job import Job
-from studies.core.statement import INTERVALS_OF_MEANS, in_words
+from studies.core.statement import INTERVALS_OF_MEANS, POINTS
 from studies.core.study import EachEvent, Study
 from studies.patent import headroom_study
 
@@ -42,7 +42,6 @@ NUMBERS = {
     "severe_work": "share of the damage above 200 N",
 }
 """Metric -> what a statement calls it."""
-POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] points, n = {}", 100)
 METHOD = f"paired by start; {INTERVALS_OF_MEANS}; after Holm over all claims"
 
 
@@ -97,8 +96,7 @@ def meant(table: pd.DataFrame, seed: int, events: int) -> pd.DataFrame:
         for event in (headroom_study.event_name(seed, k) for k in range(events))
         for effect in EFFECTS
     }
-    meaning = table["scenario"].map(names)
-    return table.assign(event=meaning.str[0], effect=meaning.str[1])
+    return with_meaning(table, names, "event", "effect")
 
 
 EFFECTS_STUDY = Study(

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from studies.core.claims import Claim, conjunction, quantity
-from studies.core.drawn_events import START_SPEED, paired, rail_offering
+from studies.core.drawn_events import START_SPEED, paired, rail_offering, with_meaning
 from studies.core.job import Job
 from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 from studies.core.study import EachEvent, Study
@@ -276,12 +276,7 @@ def meant(table: pd.DataFrame, seed: int, events: int) -> pd.DataFrame:
         for place in places(seed, k)
         for setting in settings_at(place.curve, place.noise)
     }
-    meaning = pd.DataFrame(
-        table["scenario"].map(names).tolist(),
-        columns=["event", "curve", "noise", "setting"],
-        index=table.index,
-    )
-    table = pd.concat([table, meaning], axis=1)
+    table = with_meaning(table, names, "event", "curve", "noise", "setting")
     # who believes in the rail's curve by its name believes in the rail's own
     same = [
         table[(table["curve"] == one.believed) & (table["setting"] == RIGHT)].assign(

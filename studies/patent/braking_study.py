@@ -9,7 +9,7 @@ import pandas as pd
 from studies.core.claims import AT_LEAST, Claim, family
 from studies.core.drawn_events import COMPARED, Arm, complete, paired
 from studies.core.job import Job
-from studies.core.statement import INTERVALS_OF_MEANS, Statement, in_words
+from studies.core.statement import INTERVALS_OF_MEANS, POINTS, Statement
 from studies.core.study import EachEvent, Study
 from studies.patent.claims_study import LAYERS, PATENT, less
 from studies.stops.blended_events import DURATION, EVENTS, HAULED, TRAINS, scenario
@@ -32,7 +32,6 @@ PARTS = {
     "headroom up to 1 % of the plan": "headroom@alone <= 0.01",
 }
 METHOD = f"stops in which a unit slides under alone, paired; {INTERVALS_OF_MEANS}; after Holm over all claims"
-POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] points, n = {}", 100)
 DECELERATION = "deceleration over plan"
 _UNITS_ONLY = [k for k, name in enumerate(TRAINS) if name not in HAULED]
 """Turns of the multiple units among the trains, which take turns."""

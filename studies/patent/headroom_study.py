@@ -25,7 +25,7 @@ from studies.core.drawn_events import (
     uniform,
 )
 from studies.core.job import Job, check_controller, is_hosted
-from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement, in_words
+from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, POINTS, Statement, in_words
 from studies.core.study import EachEvent, Study
 from studies.scenario.scenario import Scenario, shipped_scenario
 
@@ -211,7 +211,6 @@ METHOD = (
     f"paired by event; {INTERVALS_OF_MEANS}; share of headroom: ratio of means, linearised; {CONFIDENCE:.0%}, "
     "parts after Bonferroni; headroom as under the oracle with the same controller"
 )
-POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] points, n = {}", 100)
 PERCENT = in_words("{:.2f} [{:.2f}, {:.2f}] %, n = {}", 100)
 
 

@@ -10,9 +10,9 @@ from typing import Any
 import pandas as pd
 
 from studies.core.claims import AT_MOST, Claim, family
-from studies.core.drawn_events import COMPARED, complete, paired
+from studies.core.drawn_events import COMPARED, complete, paired, with_meaning
 from studies.core.job import Job
-from studies.core.statement import INTERVALS_OF_MEANS, Statement, in_words
+from studies.core.statement import INTERVALS_OF_MEANS, POINTS, Statement
 from studies.core.study import EachEvent, Study
 from studies.patent import braking_study, claim_events
 from studies.scenario.scenario import Scenario
@@ -26,13 +26,11 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
 }
 """Arm -> keys of `[onboard]` that take one deviation back."""
 ARMS = (CORRECTED, *CHANGES, PRINTED)
-KINDS = {"starts": claim_events.DURATION, "stops": braking_study.DURATION}
-"""Kind of event -> its length [s]."""
+KINDS = ("starts", "stops")
 NUMBERS = {
     "bound_use": "bound used", "slip_time": "slip [axle s]", "damage": "wheel damage [kJ]",
     "acceleration_ratio": "acceleration over plan",
 }  # fmt: skip
-POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] points, n = {}", 100)
 METHOD = f"paired by event with the corrected equipment; {INTERVALS_OF_MEANS}; after Holm over all claims"
 
 
@@ -115,9 +113,8 @@ def meant(table: pd.DataFrame, seed: int, events: int) -> pd.DataFrame:
         for kind, (event, _) in _events(seed, k).items()
         for arm in (CORRECTED, *CHANGES)
     }
-    meaning = table["scenario"].map(names)
-    arm = meaning.str[2].mask(table["rule"] == "greedy-printed", PRINTED)
-    return table.assign(kind=meaning.str[0], event=meaning.str[1], arm=arm)
+    table = with_meaning(table, names, "kind", "event", "arm")
+    return table.assign(arm=table["arm"].mask(table["rule"] == "greedy-printed", PRINTED))
 
 
 PRINTED_STUDY = Study(

@@ -6,9 +6,9 @@ from itertools import product
 import pandas as pd
 
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, conjunction, family, how_many
-from studies.core.drawn_events import Arm, paired
+from studies.core.drawn_events import Arm, paired, with_meaning
 from studies.core.job import Job
-from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement, in_words
+from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, POINTS, Statement, in_words
 from studies.core.study import EachEvent, Study
 from studies.stops.blended_events import (
     DURATION,
@@ -59,7 +59,6 @@ PARTS = {
     "wheels unequal by 0.05 to 1 %": "radius_error > 0",
 }
 METHOD = f"paired by event; {INTERVALS_OF_MEANS}, {CONFIDENCE:.0%}; after Holm over all claims, parts after Bonferroni"
-POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] points, n = {}", 100)
 PLAIN = in_words("{:.3g} [{:.3g}, {:.3g}], n = {}")
 PAGE = "docs/reference-speed.md"
 
@@ -238,8 +237,7 @@ def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
 def meant(table: pd.DataFrame, seed: int, events: int) -> pd.DataFrame:
     """The rows with "event", "source" of the reference speed, "peak" [m/s] at 15 m/s, and what was drawn."""
     names = {event_name(seed, k, source): (k, source) for k in range(events) for source in SOURCES}
-    meaning = table["scenario"].map(names)
-    table = table.assign(event=meaning.str[0].astype(int), source=meaning.str[1])
+    table = with_meaning(table, names, "event", "source")
     drawn = EVENTS.table(seed, events).drop(columns="scenario").rename(columns={"number": "event"})
     # a failed unit is a pair of numbers, which no table of numbers holds
     drawn = drawn.assign(

@@ -14,12 +14,14 @@ from studies.core.statement import CONDITIONS, FAILS, HOLDS
 from studies.core.study import all_studies
 from tests.results_hash import SYNTHETIC
 from tests.studies.blended_tables import blended_table
+from tests.studies.test_effects_study import effects_table
 from tests.studies.test_jp4209318 import ensemble_table
 from tests.studies.test_log_round_trip import table as log_table
 
 TABLES = {
     **SYNTHETIC,
     "blended": ("blended", blended_table),
+    "effects": ("effects", effects_table),
     "log-accuracy": ("log-accuracy", log_table),
     "slide-calibration": ("slide-calibration", ensemble_table),
 }

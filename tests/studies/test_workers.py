@@ -1,6 +1,7 @@
 """Those who do cells elsewhere: nothing is lost with a worker, and what is shared is prepared once."""
 
 import logging
+import multiprocessing
 import os
 import signal
 import tempfile
@@ -280,3 +281,29 @@ def test_an_interrupt_ends_tasks_that_no_worker_was_given():
         interrupted()
     assert len(futures) == 9
     assert all(future.done() for future in futures)
+
+
+def test_an_interrupt_ends_no_process_of_anybody_else():
+    """Such as that of another pool, or of a part of one's own, whether it began before the workers or after them."""
+    sleeping = [
+        multiprocessing.get_context("fork").Process(target=time.sleep, args=(60.0,))
+        for _ in range(2)
+    ]
+    before, after = sleeping
+
+    def interrupted():
+        before.start()
+        with processes(1) as made:
+            future = made.submit(os.getpid)
+            after.start()
+            assert future.result() not in (before.pid, after.pid)
+            raise KeyboardInterrupt
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            interrupted()
+        assert all(one.is_alive() for one in sleeping)
+    finally:
+        for one in sleeping:
+            one.kill()
+            one.join()
