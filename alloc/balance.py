@@ -40,11 +40,15 @@ def draft_gear_energy(stretch: Floats, travel: Floats, gear: Floats) -> Floats:
 
 
 def mechanical_energy(model: Model, state: Floats) -> Floats:
-    """Kinetic energy of bodies and wheelsets and elastic energy of couplers [J] of states (..., rows)."""
+    """Kinetic energy of bodies, wheelsets, rotors, elastic energy of couplers and drives [J] of states (..., rows)."""
     s, n = model.structure, model.layout
     speed, omega, position = (state[..., part] for part in (n.speed, n.omega, n.position))
     energy = 0.5 * np.einsum("...b,...b,b->...", speed, speed, s.body_mass)
-    energy += 0.5 * np.einsum("...a,...a,a->...", omega, omega, s.inertia)
+    rotor, stiffness, _ = s.axle_shaft
+    energy += 0.5 * np.einsum("...a,...a,a->...", omega, omega, s.inertia - rotor)
+    if n.shafts:
+        turned, twist = state[..., n.rotor], state[..., n.twist]
+        energy += 0.5 * ((turned**2 @ rotor) + (twist**2 @ stiffness))
     if n.bodies > 1:
         stiffness, stiffening, _, slack = s.coupler.T
         stretch = coupler_stretch(position[..., :-1] - position[..., 1:], slack)

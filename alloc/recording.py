@@ -24,7 +24,7 @@ from alloc.event import Event
 from alloc.onboard.increment_learning import Increments, LearningSeries
 from alloc.onboard.state import Counters, TrainMemory, UnitMemory
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.laws import limit_place
+from alloc.plant.laws import limit_place, swing_torque
 from alloc.plant.model import Floats, Layout, Model
 from alloc.plant.operations import look_up
 from alloc.plant.rail import power_taken
@@ -64,7 +64,7 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "motor_work": ("J", "work of the motors at the wheels"),
         "shoe_work": ("J", "work lost in brake shoes"),
         "resistance_work": ("J", "work against resistance and gradient"),
-        "coupler_work": ("J", "work lost in couplers"),
+        "coupler_work": ("J", "work lost in couplers and drives"),
     },
     ("time", "car"): {
         "slide_reference": ("m s-1", "reference speed of the car, where cars move apart"),
@@ -81,6 +81,9 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "brake_force": ("N", "force of the brake shoes at the rim, against its rotation"),
         "axle_load": ("N", "axle load"),
         "friction_work": ("J", "work dissipated between wheel and rail"),
+        "shaft_torque": ("N m", "torque that a twisting drive hands on to the wheelset"),
+        "shaft_swing": ("N m", "largest torque that the drive's oscillation reaches"),
+        "recovery": ("1", "degree to which its own slip has cleaned the contact"),
     },
     ("time", "unit"): {
         "motor_torque": ("N m", "torque of each motor of the unit"),
@@ -228,6 +231,30 @@ def _motor_limits(model: Model, time: Floats, speed: Floats) -> tuple[Floats, Fl
     return drive * works, brake * works
 
 
+def _optional_variables(
+    model: Model, arrays: ArrayModel, state: Floats, force: Floats
+) -> dict[str, Floats]:
+    """What is recorded of drives that twist and of contacts that recover; `force` (axles, instants) of the rail."""
+    n, s = model.layout, model.structure
+    found: dict[str, Floats] = {}
+    if n.recoveries:
+        found["recovery"] = state[n.recovery].T
+    if n.shafts:
+        rotor, stiffness, _ = (one[:, None] for one in s.axle_shaft)
+        wheel = s.inertia[:, None] - rotor
+        shaft, motor = arrays.shaft_torques(state), arrays.motor_torques(state)
+        shoe, _ = arrays.wheelsets(state, force)
+        settled = (wheel * motor + rotor * (s.radius[:, None] * force + shoe)) / (rotor + wheel)
+        rate = arrays.rotor_speeds(state) - state[n.omega]
+        reduced = rotor * wheel / (rotor + wheel)
+        swing = swing_torque(shaft, settled, rate, stiffness, reduced)
+        found |= {
+            "shaft_torque": shaft.T,
+            "shaft_swing": np.where(rotor > 0.0, swing, np.abs(shaft)).T,
+        }
+    return found
+
+
 def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[Any]]:
     """Everything that follows from the recorded states by the plant's own laws; first dimension: instants."""
     n, s = model.layout, model.structure
@@ -284,6 +311,7 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
         "unit_parallel": np.bincount(s.axle_unit[driven], s.axle_motor[0, driven] > 0.0, n.units)
         > 0.0,
         "body_mass": s.body_mass,
+        **_optional_variables(model, arrays, state, force),
     }
 
 

@@ -19,6 +19,8 @@ class Unit(NamedTuple):
 
 
 UNITS: tuple[Unit, ...] = (
+    Unit("N m/rad", "_nm_per_rad", 1.0, 1.0, 1e9),
+    Unit("J/m", "_j_per_m", 1.0, 1e-2, 1e7),
     Unit("N/m3", "_n_per_m3", 1.0, 1.0, 1e13),
     Unit("N/m", "_n_per_m", 1.0, 1.0, 1e10),
     Unit("N s/m", "_ns_per_m", 1.0, 1e-3, 1e9),

@@ -262,6 +262,25 @@ def coupler_peak(run: xr.Dataset) -> float:
     return float(np.abs(force).max() / 1e3) if force.size else float("nan")
 
 
+@metric(
+    "torsion_peak",
+    "1",
+    "largest torque in a twisting drive over the motor's largest",
+    -1,
+    NEVER_NEGATIVE,
+)
+def torsion_peak(run: xr.Dataset) -> float:
+    """Largest torque that any drive's oscillation reaches, over the motor's largest at the wheel; nan for rigid drives."""
+    unit = series(run, "axle_unit")
+    driven = unit >= 0
+    if "shaft_swing" not in run or not driven.any():
+        return float("nan")
+    motor = np.abs(series(run, "motor_torque")).max(axis=0) * series(run, "unit_gear")
+    swing = series(run, "shaft_swing").max(axis=0)[driven]
+    shares = swing / np.maximum(motor[unit[driven]], 1e-9)
+    return float(shares.max())
+
+
 @metric("energy", "MJ", "work of the motors at the wheels", 0)
 def energy(run: xr.Dataset) -> float:
     """Work of the motors [MJ]."""

@@ -23,6 +23,8 @@ from alloc.plant.laws import (
     hyperbolic_speed_law,
     motor_torque_rate,
     parallel_motor_torque,
+    recovery_rate,
+    shaft_torque,
     slip_velocity,
     sticking_contact,
     stuck_share,
@@ -30,6 +32,7 @@ from alloc.plant.laws import (
     wheelset,
 )
 from alloc.plant.model import Inputs, Layout, Model, Structure
+from alloc.plant.operations import where
 
 Array = Any
 """NumPy array (rows,) or (rows, instants), or CasADi column."""
@@ -60,12 +63,15 @@ class ArrayModel:
 
     def __init__(
         self, structure: Structure, layout: Layout, curve_kind: int, curve: Array, contact: Array,
-        presliding: float,
+        presliding: float, recovery: tuple[float, float] = (1.0, 1.0),
     ) -> None:  # fmt: skip
-        """`contact` (axles,): creep stiffness over that among the parameters `curve`; `presliding` [m]: of `Rail`."""
+        """`contact` (axles,): creep stiffness over that among the parameters `curve`; the rest is of `Rail`.
+
+        `presliding` [m]; `recovery`: energy [J/m] and time [s].
+        """
         self.structure, self.layout = structure, layout
         self.curve_kind, self.curve = curve_kind, curve
-        self.contact, self.presliding = contact, presliding
+        self.contact, self.presliding, self.recovery = contact, presliding, recovery
         self.body_of_axle = _matrix(structure.axle_body, layout.bodies)
         self.car_of_axle = _matrix(structure.axle_car, layout.cars)
         self.unit_of_axle = _matrix(structure.axle_unit, layout.units)
@@ -78,7 +84,10 @@ class ArrayModel:
     def of(cls, model: Model) -> "ArrayModel":
         """Array form of a built model."""
         e = model.environment
-        return cls(model.structure, model.layout, e.curve_kind, e.curve, e.contact, e.presliding)
+        return cls(
+            model.structure, model.layout, e.curve_kind, e.curve, e.contact, e.presliding,
+            (e.recovery_energy, e.recovery_time),
+        )  # fmt: skip
 
     def _column(self, values: NDArray[np.float64], like: Array) -> Array:
         """A parameter (rows,) shaped to act elementwise on `like`."""
@@ -113,9 +122,27 @@ class ArrayModel:
         slip, mu, _ = self._contacts(state, peak)
         return slip, mu, self._rail_forces(mu)
 
-    def motor_torques(self, state: Array) -> Array:
-        """Torque of the motors on every wheelset [N m], at the wheel."""
+    def rotor_speeds(self, state: Array) -> Array:
+        """Angular speed [rad/s] of every axle's rotor over its gear ratio; its own where the drive is rigid."""
         omega = state[self.layout.omega]
+        if not self.layout.shafts:
+            return omega
+        elastic = self._column(self.structure.axle_shaft[1], omega) > 0.0
+        return where(elastic, state[self.layout.rotor], omega)
+
+    def shaft_torques(self, state: Array) -> Array:
+        """Torque that the drives hand on to every wheelset [N m], at the wheel."""
+        motor = self.motor_torques(state)
+        if not self.layout.shafts:
+            return motor
+        _, stiffness, damping = (self._column(one, motor) for one in self.structure.axle_shaft)
+        rate = self.rotor_speeds(state) - state[self.layout.omega]
+        shaft = shaft_torque(state[self.layout.twist], rate, stiffness, damping)
+        return where(stiffness > 0.0, shaft, motor)
+
+    def motor_torques(self, state: Array) -> Array:
+        """Torque of the motors on every axle [N m], at the wheel."""
+        omega = self.rotor_speeds(state)
         gear = self._column(self.structure.gear, omega)
         torque = self.unit_of_axle @ state[self.layout.torque]
         if not self.structure.axle_motor[0].any():
@@ -136,8 +163,8 @@ class ArrayModel:
         grip = hyperbolic_speed_law(radius * omega, a, o, c)
         cylinder = self.group_of_axle @ state[n.pressure]
         limit = self._column(s.shoe_gain, omega) * radius * cylinder * grip
-        inertia = self._column(s.inertia, omega)
-        motor, inverse = self.motor_torques(state), 1.0 / inertia
+        inertia = self._column(s.inertia - s.axle_shaft[0], omega)
+        motor, inverse = self.shaft_torques(state), 1.0 / inertia
         shoe, rate = wheelset(motor, force, radius, omega, limit, inertia, inverse)
         return shoe, rate
 
@@ -195,17 +222,24 @@ class ArrayModel:
             1.0 / column(s.group_fill, omega),
             1.0 / column(s.group_release, omega),
         )
-        works = (
-            self.motor_torques(state) * omega,
-            shoe * omega,
-            drag * car_speed,
-            lost,
-        )
+        motor, turned = self.motor_torques(state), self.rotor_speeds(state)
         acceleration = body_force / column(s.body_mass, speed)
-        parts = [speed, acceleration, omega_rate, torque_rate, pressure_rate, creep, force * slip]
+        parts = [speed, acceleration, omega_rate, torque_rate, pressure_rate, creep]
+        twisting = []
+        if n.shafts:
+            rotor, _, damping = (column(one, omega) for one in s.axle_shaft)
+            rate = turned - omega
+            twisting = [damping * rate * rate]
+            parts += [(motor - self.shaft_torques(state)) / where(rotor > 0.0, rotor, 1.0), rate]
+        if n.recoveries:
+            energy, time = self.recovery
+            along = self.body_of_axle @ speed
+            parts += [recovery_rate(state[n.recovery], force * slip, along, energy, time)]
+        powers = [[motor * turned], [shoe * omega], [drag * car_speed], [lost, *twisting]]
         if isinstance(state, np.ndarray):
-            lost = (power.sum(axis=0, keepdims=True) for power in works)
-            return np.concatenate([*parts, *lost, deflection_rate])
+            works = [sum(one.sum(axis=0, keepdims=True) for one in power) for power in powers]
+            return np.concatenate([*parts, force * slip, *works, deflection_rate])
         import casadi
 
-        return casadi.vertcat(*parts, *(casadi.sum1(power) for power in works), deflection_rate)
+        works = [sum(casadi.sum1(one) for one in power) for power in powers]
+        return casadi.vertcat(*parts, force * slip, *works, deflection_rate)

@@ -10,6 +10,7 @@ from alloc.plant.laws import (
     axle_load,
     car_drag,
     car_rail_force,
+    cleaned_degree,
     coupler_forces,
     coupler_stretch,
     curving_resistance,
@@ -20,6 +21,9 @@ from alloc.plant.laws import (
     limit_place,
     motor_torque_rate,
     parallel_motor_torque,
+    recovered_peak,
+    recovery_rate,
+    shaft_torque,
     slip_velocity,
     speed_decline,
     sticking_contact,
@@ -109,6 +113,9 @@ def _peaks(w, y, i, patches):
     if w.rail.sandy:
         amount = load(w.scratch.sand.under, i)
         peak = sanded_peak(peak, amount, w.rail.sanded, w.rail.sand_saturation)
+    if w.rail.recovers:
+        degree = cleaned_degree(load(y, w.row.recovery + i), load(w.scratch.cleaning.under, i))
+        peak = recovered_peak(peak, degree, w.rail.recovered)
     return peak
 
 
@@ -284,7 +291,7 @@ def _is_braked(w, y):
 def _wheels(w, y, slope):
     """Angular accelerations, and the works of motors, shoes and wheel-rail friction."""
     row, axle, c = w.row, w.axle, w.scratch
-    driven, shod, braked = spread(0.0), spread(0.0), _is_braked(w, y)
+    driven, shod, braked, lost = spread(0.0), spread(0.0), _is_braked(w, y), spread(0.0)
     for i in range(0, axle.radius.size, WIDTH):
         v = _of_bodies(w, y, row.speed, axle.speed_row, i)
         normal = load(axle.static_load, i)
@@ -294,12 +301,24 @@ def _wheels(w, y, slope):
         force = load(c.mu, i) * normal
         r, omega = load(axle.radius, i), load(y, row.omega + i)
         gear, torque = load(axle.gear, i), gather(y, axle.torque_row, i)
+        turned, stiffness = omega, load(axle.shaft[0], i)
+        if axle.twists:
+            turned = where(stiffness > 0.0, load(y, row.rotor + i), omega)
         if axle.parallel:
             torque = parallel_motor_torque(
                 load(axle.motor[0], i), torque, load(axle.motor[1], i), load(axle.motor[2], i),
-                gather(c.unit_speed, axle.unit, i), gear * omega,
+                gather(c.unit_speed, axle.unit, i), gear * turned,
             )  # fmt: skip
         motor = gear * torque
+        driven = driven + motor * turned
+        if axle.twists:
+            rate, damping = turned - omega, load(axle.shaft[1], i)
+            shaft = shaft_torque(load(y, row.twist + i), rate, stiffness, damping)
+            shaft = where(stiffness > 0.0, shaft, motor)
+            store(slope, row.twist + i, rate)
+            store(slope, row.rotor + i, (motor - shaft) * load(axle.inverse_rotor, i))
+            lost = lost + damping * rate * rate
+            motor = shaft
         limit = spread(0.0)
         if braked:
             limit = load(axle.shoe_gain, i) * gather(y, axle.pressure_row, i)
@@ -314,11 +333,18 @@ def _wheels(w, y, slope):
             motor, force, r, omega, limit, load(axle.inertia, i), load(axle.inverse_inertia, i)
         )
         store(slope, row.omega + i, acceleration)
-        store(slope, row.friction + i, force * slip_velocity(omega, r, v))
-        driven = driven + motor * omega
+        power = force * slip_velocity(omega, r, v)
+        store(slope, row.friction + i, power)
+        if w.rail.recovers:
+            rate = recovery_rate(
+                load(y, row.recovery + i), power, v, w.rail.recovery_energy, w.rail.recovery_time
+            )
+            store(slope, row.recovery + i, rate)
         shod = shod + shoe * omega
     slope[row.work] = total(driven)
     slope[row.work + 1] = total(shod)
+    if axle.twists:
+        slope[row.work + 3] += total(lost)
 
 
 @inlined_jit

@@ -127,6 +127,19 @@ def parallel_motor_torque(kind, torque, breakdown, slip, mean_speed, own_speed):
 
 
 @equation
+def shaft_torque(twist, rate, stiffness, damping):
+    """Torque [N m] at the wheel that a drive hands on from rotor to wheelset: spring and damper between two inertias."""
+    return stiffness * twist + damping * rate
+
+
+@equation
+def swing_torque(torque, settled, rate, stiffness, reduced_inertia):
+    """Largest torque [N m] that a drive's oscillation reaches about the `settled` one, from its present torque and rate."""
+    away = torque - settled
+    return absolute(settled) + sqrt(away * away + stiffness * reduced_inertia * rate * rate)
+
+
+@equation
 def limit_place(speed, per_speed, size):
     """Where a table of torque limits of `size` points, 1 / `per_speed` [m/s] apart, is read at `speed` [m/s], for `look_up`.
 
@@ -288,6 +301,30 @@ def sand_laid(rate, speed):
 def conditioning_deposit(slip_ratio, scale):
     """Degree 0..1 to which a wheel with this slip ratio cleans the rail under it (JP4209318 par. 0053)."""
     return 1.0 - exp(-absolute(slip_ratio) / scale)
+
+
+@equation
+def cleaned_degree(own, under):
+    """Degree 0..1 to which a contact is clean: by the wheel's own slip, and by the wheels ahead."""
+    return 1.0 - (1.0 - own) * (1.0 - under)
+
+
+@equation
+def recovered_peak(peak, degree, recovered):
+    """Peak coefficient of a contact that is clean to a `degree`, on a rail where clean wheels find `recovered`."""
+    return peak + degree * maximum(recovered - peak, 0.0)
+
+
+@equation
+def recovery_rate(degree, power, speed, energy, time):
+    """Rate [1/s] of a contact's degree of cleaning, whose slip dissipates `power` [W]: Allotta, Meli, Ridolfi, Rindi (2014).
+
+    It follows tanh(W / `energy`) with the time constant `time` [s], where W [J/m] is the energy dissipated on a metre of
+    rail, at least on one metre a second.
+    """
+    share = absolute(power) / (maximum(absolute(speed), CREEPAGE_SPEED_FLOOR) * energy)
+    rest = exp(-2.0 * share)
+    return ((1.0 - rest) / (1.0 + rest) - degree) / time
 
 
 # Laws of the adhesion curves: the tangential force coefficient over the slip velocity, and its maximum.

@@ -54,6 +54,9 @@ class Structure(NamedTuple):
     unit_lag: Floats
     unit_gear: Floats
     axle_motor: Floats  # (3, axles) of the motor's unit: `Motors.characteristic`
+    axle_shaft: (
+        Floats  # (3, axles) `Motors.shaft`: inertia of the rotor, stiffness, damping, at the wheel
+    )
     drive_table: Floats  # (units, EFFORT_TABLE_LENGTH) torque per motor [N m]
     brake_table: Floats
     group_fill: Floats
@@ -73,6 +76,10 @@ class Layout(NamedTuple):
     draft_gears: int
     """Couplers between the bodies where any of them has friction, else 0."""
     sanders: int
+    shafts: int = 0
+    """Axles where the drive of any of them twists, else 0."""
+    recoveries: int = 0
+    """Axles where their slip raises the rail's adhesion, else 0."""
 
     @property
     def position(self) -> slice:
@@ -109,17 +116,35 @@ class Layout(NamedTuple):
         return slice(start, start + self.draft_gears)
 
     @property
+    def rotor(self) -> slice:
+        """Angular speed [rad/s] of each axle's rotor over its gear ratio; 0 where the drive is rigid."""
+        start = self.gear_travel.stop
+        return slice(start, start + self.shafts)
+
+    @property
+    def twist(self) -> slice:
+        """Twist of each axle's drive [rad], at the wheel."""
+        start = self.rotor.stop
+        return slice(start, start + self.shafts)
+
+    @property
+    def recovery(self) -> slice:
+        """Degree 0..1 to which each axle's own slip has cleaned its contact."""
+        start = self.twist.stop
+        return slice(start, start + self.recoveries)
+
+    @property
     def friction_work(self) -> slice:
         """Work dissipated between wheel and rail by each axle [J]: JP4209318 (28), for driving too.
 
         At standstill it contains what the contact stores, a few joules.
         """
-        start = self.gear_travel.stop
+        start = self.recovery.stop
         return slice(start, start + self.axles)
 
     @property
     def work(self) -> slice:
-        """Works [J]: of the motors, lost in the shoes, against resistance and gradient, lost in couplers."""
+        """Works [J]: of the motors, lost in the shoes, against resistance and gradient, lost in couplers and drives."""
         start = self.friction_work.stop
         return slice(start, start + 4)
 
@@ -187,6 +212,10 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
     brake = [motor.brake.tabulate(radius, motor.gear_ratio) for motor, radius in motors]
     columns = zip(_Axle._fields, zip(*axles, strict=True), strict=True)
     axle = {name: np.array(values) for name, values in columns}
+    inertia = np.concatenate([np.array(car.wheel_inertia, dtype=float) for car in cars])
+    shaft = np.array(
+        [motors[j][0].shaft(whole) if j >= 0 else (0.0,) * 3 for j, whole in zip(axle["unit"], inertia, strict=True)]
+    ).T  # fmt: skip
     mass = np.array([car.mass for car in cars])
     length = np.array([car.length for car in cars])
     a, b, quadratic = train.resistance
@@ -199,7 +228,7 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
         axle_sander=axle["sander"],
         axle_offset=axle["offset"],
         radius=np.concatenate([np.full(len(car.axle_positions), car.wheel_radius) for car in cars]),
-        inertia=np.concatenate([np.array(car.wheel_inertia, dtype=float) for car in cars]),
+        inertia=inertia,
         gear=axle["gear"],
         static_load=np.concatenate([car.static_axle_loads for car in cars]),
         unloading=np.concatenate([car.unloading_factors() for car in cars])
@@ -227,6 +256,7 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
         axle_motor=np.array(
             [motors[j][0].characteristic if j >= 0 else NO_CHARACTERISTIC for j in axle["unit"]]
         ).T,
+        axle_shaft=shaft,
         drive_table=np.stack(drive) if drive else np.zeros((0, 0)),
         brake_table=np.stack(brake) if brake else np.zeros((0, 0)),
         group_fill=np.array([one.fill_time for one in brakes]),
@@ -236,7 +266,8 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
     )
     sizes = (structure.body_mass.size, len(axles), len(cars), len(units), len(brakes))
     rubs = any(isinstance(one, DraftGear) for one in couplers)
-    return structure, Layout(*sizes, draft_gears=len(couplers) if rubs else 0, sanders=sander)
+    gears, shafts = len(couplers) if rubs else 0, len(axles) if shaft.any() else 0
+    return structure, Layout(*sizes, draft_gears=gears, sanders=sander, shafts=shafts)
 
 
 # From a rail and a line to the arrays that the plant computes with.
@@ -258,6 +289,11 @@ class Environment(NamedTuple):
     conditioning: float  # gain
     conditioning_slip: float  # slip ratio
     conditioned: bool
+    recovers: bool
+    recovered: float  # coefficient of clean contacts
+    recovery_energy: float  # [J/m]
+    recovery_time: float  # [s]
+    recovery_left: float  # share that an axle leaves on the rail
     cleaning_spacing: float
     sandy: bool  # whether the train has sanders
     sanded: float  # coefficient of sanded rail
@@ -278,17 +314,22 @@ def axle_contacts(curve: AdhesionCurve, structure: Structure) -> Floats:
     return curve.contact(0.5 * structure.static_load, structure.radius)
 
 
-def level_for(curve: AdhesionCurve, adhesion: float, speed: float, train: Train) -> float:
-    """Level of a rail whose `curve` offers `adhesion` to `train` at `speed` [m/s].
+def offered_by(curve: AdhesionCurve, level: float, speed: float, structure: Structure) -> float:
+    """Adhesion that a rail of `level` and `curve` offers to a train at `speed` [m/s].
 
-    The offered adhesion is the largest force of all axles over their weight: the curve's maximum, averaged with the static
-    axle loads as weights. Heavy axles have the softer contacts.
+    It is the largest force of all axles over their weight: the curve's maximum, averaged with the static axle loads as
+    weights. Heavy axles have the softer contacts.
     """
-    level, s = adhesion, structure_of(train)[0]
-    contact, share = axle_contacts(curve, s), s.static_load / s.static_load.sum()
+    share = structure.static_load / structure.static_load.sum()
+    limit = curve.limit(level, speed, axle_contacts(curve, structure))[0]
+    return float(np.broadcast_to(limit, share.shape) @ share)
+
+
+def level_for(curve: AdhesionCurve, adhesion: float, speed: float, train: Train) -> float:
+    """Level of a rail whose `curve` offers `adhesion` to `train` at `speed` [m/s]: the inverse of `offered_by`."""
+    level, structure = adhesion, structure_of(train)[0]
     for _ in range(20):  # the maximum of Polach's curve grows a little less than in proportion
-        limit = np.broadcast_to(curve.limit(level, speed, contact)[0], share.shape)
-        before, level = level, level * adhesion / float(limit @ share)
+        before, level = level, level * adhesion / offered_by(curve, level, speed, structure)
         if level == before:
             break
     return level
@@ -330,7 +371,12 @@ def environment_of(
         noisy=rail.scatter > 0.0,
         conditioning=rail.conditioning,
         conditioning_slip=rail.conditioning_slip,
-        conditioned=rail.conditioning > 0.0,
+        conditioned=rail.conditioning > 0.0 or layout.recoveries > 0,
+        recovers=layout.recoveries > 0,
+        recovered=rail.recovered_coefficient,
+        recovery_energy=rail.recovery_energy,
+        recovery_time=rail.recovery_time,
+        recovery_left=rail.recovery_left,
         cleaning_spacing=rail.cleaning_spacing,
         sandy=layout.sanders > 0,
         sanded=rail.sanded_coefficient,
@@ -393,6 +439,9 @@ class Model:
         state[self.layout.position] = position
         state[self.layout.speed] = speed
         state[self.layout.omega] = speed / self.structure.radius
+        if self.layout.shafts:
+            elastic = self.structure.axle_shaft[1] > 0.0
+            state[self.layout.rotor] = np.where(elastic, state[self.layout.omega], 0.0)
         return state
 
     def zero_inputs(self) -> Inputs:
@@ -410,7 +459,7 @@ class Model:
         def of_contacts(stiffness: Floats) -> float:
             # wheels and body together: the fastest wheel's rate plus that of the body under all its axles
             carried = stiffness * s.static_load
-            wheel = float((carried * s.radius**2 / s.inertia).max())
+            wheel = float((carried * s.radius**2 / (s.inertia - s.axle_shaft[0])).max())
             body = np.bincount(s.axle_body, carried, minlength=s.body_mass.size)
             return wheel + float((body / s.body_mass).max())
 
@@ -421,6 +470,9 @@ class Model:
         if s.unit_lag.size:
             rates.append(float(1.0 / s.unit_lag.min()))
             rates.append(float(self._motor_rates().max()))
+            rates.append(float(self._shaft_rates().max()))
+        if self.environment.recovers:
+            rates.append(1.0 / self.rail.recovery_time)
         if s.group_fill.size:
             rates += [1.0 / LOCK_TIME, float(1.0 / min(s.group_fill.min(), s.group_release.min()))]
             # contacts of braked wheels at rest
@@ -443,7 +495,17 @@ class Model:
         kind, breakdown, slip = s.axle_motor
         steepest = s.drive_table.max(initial=0.0), s.brake_table.max(initial=0.0)
         slope = np.where(kind == INDUCTION, 2.0 * breakdown / slip, 2.0 * max(steepest) / slip)
-        return np.asarray(np.where(kind > 0.0, slope * s.gear**2 / s.inertia, 0.0))
+        turned = np.where(s.axle_shaft[0] > 0.0, s.axle_shaft[0], s.inertia)
+        return np.asarray(np.where(kind > 0.0, slope * s.gear**2 / turned, 0.0))
+
+    def _shaft_rates(self) -> Floats:
+        """Upper estimate [1/s] of the rate of each twisting drive, under its contact, (axles,)."""
+        s = self.structure
+        rotor, stiffness, damping = s.axle_shaft
+        inverse = np.where(
+            rotor > 0.0, 1.0 / np.maximum(rotor, 1e-9) + 1.0 / (s.inertia - rotor), 0.0
+        )
+        return np.asarray(np.sqrt(stiffness * inverse) + damping * inverse)
 
     def substeps(self, step: float) -> int:
         """Integration steps into which `step` [s] must be divided to be stable."""
@@ -467,6 +529,8 @@ def build(
         raise PlantError(f"span: {span} must be two finite positions, the smaller one first")
     line, receptivity = line or Line(), receptivity or Receptivity()
     structure, layout = structure_of(train)
+    if rail.recovered_coefficient:
+        layout = layout._replace(recoveries=layout.axles)
     environment = environment_of(
         structure, layout, train, rail, line, receptivity, failures or {}, span
     )

@@ -95,6 +95,9 @@ class Rows(NamedTuple):
     torque: int
     pressure: int
     gear: int
+    rotor: int
+    twist: int
+    recovery: int
     friction: int
     work: int
     nothing: int
@@ -114,6 +117,9 @@ class AxleConstants(NamedTuple):
     gear: Floats
     motor: Floats  # (3, axles) kind, breakdown torque and slip, as of `Motors.characteristic`
     parallel: bool  # whether motors share an inverter or a voltage
+    shaft: Floats  # (2, axles) stiffness and damping of the drive
+    inverse_rotor: Floats
+    twists: bool  # whether any drive twists
     unit: Ints  # of the axle, or one without speed
     static_load: Floats
     contact: Floats
@@ -178,6 +184,11 @@ class RailConstants(NamedTuple):
     conditioning: float
     conditioning_slip: float
     conditioned: bool
+    recovers: bool
+    recovered: float
+    recovery_energy: float
+    recovery_time: float
+    recovery_left: float
     cleaning_spacing: float
     sandy: bool
     sanded: float
@@ -255,7 +266,8 @@ class Workspace(NamedTuple):
 
 def _sizes(n: Layout) -> tuple[int, ...]:
     """Rows of the parts of the state, in the order of `Rows`; nothing has none."""
-    return (n.bodies, n.bodies, n.axles, n.units, n.groups, n.draft_gears, n.axles, 4, 0, n.axles)
+    optional = (n.draft_gears, n.shafts, n.shafts, n.recoveries)
+    return (n.bodies, n.bodies, n.axles, n.units, n.groups, *optional, n.axles, 4, 0, n.axles)
 
 
 def _rows(n: Layout) -> Rows:
@@ -267,15 +279,20 @@ def _rows(n: Layout) -> Rows:
 
 def _axles(model: Model, row: Rows) -> AxleConstants:
     s, e, absent = model.structure, model.environment, row.nothing
+    rotor, stiffness, damping = s.axle_shaft
+    inertia = s.inertia - rotor
     fades = bool(s.shoe_friction[:, 0].any())
     return AxleConstants(
         offset=filled(s.axle_offset),
         radius=filled(s.radius),
-        inertia=filled(s.inertia, 1.0),
-        inverse_inertia=filled(1.0 / s.inertia),
+        inertia=filled(inertia, 1.0),
+        inverse_inertia=filled(1.0 / inertia),
         gear=filled(s.gear),
         motor=filled(s.axle_motor, 1.0),
         parallel=bool(s.axle_motor[0].any()),
+        shaft=filled(np.stack([stiffness, damping])),
+        inverse_rotor=filled(np.where(rotor > 0.0, 1.0 / np.maximum(rotor, 1e-9), 0.0)),
+        twists=model.layout.shafts > 0,
         unit=indices(s.axle_unit, padded(model.layout.units)),
         static_load=filled(s.static_load),
         contact=filled(e.contact, 1.0),
@@ -317,9 +334,11 @@ def _cars(model: Model, row: Rows) -> CarConstants:
 def _units(model: Model, row: Rows) -> UnitConstants:
     s, n = model.structure, model.layout
     of_unit = members(s.axle_unit, n.units, -1)
+    # a motor turns with its rotor
+    turned = np.where(s.axle_shaft[1] > 0.0, row.rotor, row.omega) + np.arange(n.axles)
     points = s.drive_table.shape[1]
     return UnitConstants(
-        members=np.where(of_unit < 0, row.nothing, row.omega + of_unit),
+        members=np.where(of_unit < 0, row.nothing, turned[of_unit]),
         share=np.where(of_unit < 0, 0.0, s.radius[of_unit] / filled(s.unit_axles, 1.0)),
         shaft=filled(s.unit_gear / s.radius[of_unit[0, : n.units]]),
         inverse_lag=filled(1.0 / s.unit_lag, 1.0),

@@ -196,6 +196,10 @@ class RailKeys(Strict):
     sanded_coefficient: float | None = Field(default=None, le=MOST_COEFFICIENT)
     sand_saturation_g_per_m: float | None = None
     sand_decay: float | None = None
+    recovered_coefficient: float | None = Field(default=None, le=MOST_COEFFICIENT)
+    recovery_energy_j_per_m: float | None = None
+    recovery_time_s: float | None = None
+    recovery_left: float | None = None
     presliding_m: float | None = None
     curve: CurveKeys = CurveKeys()
 
@@ -228,7 +232,9 @@ class RailKeys(Strict):
             curve=self.curve.curve(),
             seed=seed,
         )
-        bare = replace(rail, increments=None, scatter=0.0, conditioning=0.0)
+        bare = replace(
+            rail, increments=None, scatter=0.0, conditioning=0.0, recovered_coefficient=0.0
+        )
         if (most := bare.greatest_peak()) > MOST_COEFFICIENT:
             scale = "level" if self.law_factor is None else "law_factor"
             value = self.level if self.law_factor is None else self.law_factor

@@ -64,6 +64,13 @@ class MotorChangeKeys(Strict):
     slip_speed_rpm: float | None = Field(default=None, gt=0.0)
     """Of an induction motor: slip of the shaft at the breakdown torque. Of a series motor: speed of the shaft at which its
     resistance takes half of the voltage. Left out: 300 and 120."""
+    rotor_inertia_kgm2: float | None = Field(default=None, gt=0.0)
+    """Inertia of a rotor at its shaft, on a drive that twists; it is a part of wheel_inertia_kgm2. Left out: drives are
+    rigid."""
+    shaft_stiffness_nm_per_rad: float | None = Field(default=None, gt=0.0)
+    """Stiffness of that drive between rotor and wheelset, at the wheel. Left out: 5e6, a steel axle of 160 mm, 1 m."""
+    shaft_damping: float | None = Field(default=None, ge=0.0, lt=1.0)
+    """Damping of its oscillation over the critical one. Left out: 0.01."""
 
 
 def is_file(train: str) -> bool:

@@ -90,6 +90,10 @@ VARIABLES = {
     "coefficient_estimate": (("time", "unit"), beside(
         course(0.5, (2, 2, 0.15), (11, 11, 0.11), (16, 16, 0.13), (28, 28, 0.12)), course(0.7),
     )),
+    "motor_torque": (("time", "unit"), beside(course(300.0, (40, 40, -500.0)), course(-10.0, (9, 9, 640.0)))),
+    "shaft_swing": (("time", "axle"), beside(
+        course(4500.0), course(100.0), course(99e3), course(200.0), course(0.0, (41, 41, 8960.0)), course(1.0),
+    )),
     "torque_target": (("time", "unit"), beside(
         course(500.0, (0, 19, 1000.0)),
         course(800.0, (24, 26, 100.0), (34, 37, -800.0), (38, 43, -2000.0)),

@@ -114,6 +114,7 @@ EXPECTED = {
     "jerk_peak": 0.5 / 0.25,
     "coupler_peak": 45,
     "energy": 3.5,
+    "torsion_peak": 8960 / (640 * 7),
     # detection: unit 0 slips from 8 (seen at 11) and 31 (not seen), unit 1 from 20 (at 25) and 36 (at 35)
     "estimate_error": ((0.15 - 0.12) + (0.11 - 0.12) + (0.13 - 0.11) + (0.12 - 0.11)) / 4,
     "detection_delay": (3 + 5 - 1) * 0.125 / 3,
@@ -158,7 +159,7 @@ def test_direction_of_better_and_unit_are_those_of_the_quantity(name):
         "slip_time", "slip_peak", "damage", "time_to_speed", "jerk_rms", "jerk_peak", "coupler_peak", "detection_delay",
         "missed_slips", "false_alarms", "search_time", "unfinished_searches", "torque_fluctuation", "locked_time",
         "air_consumption", "detections", "unit_detections", "locks", "time_outs", "rule_failures", "controller_failures",
-        "over_delivery", "held_back", "wear_number", "severe_work", "wheel_wear",
+        "over_delivery", "held_back", "wear_number", "severe_work", "wheel_wear", "torsion_peak",
     }  # fmt: skip
     more = {
         "acceleration", "acceleration_ratio", "effort_ratio", "utilisation", "utilisation_slipping", "utilisation_short",
@@ -203,7 +204,9 @@ def test_without_demand_what_counts_under_demand_is_nan():
 def test_a_train_without_units_couplers_and_brake_groups_has_none_of_theirs():
     run = recorded(blended_brakes=0).isel(unit=slice(0), coupler=slice(0), brake_group=slice(0))
     run["axle_unit"] = ("axle", [-1] * 6)
-    assert nan_of(run) == OF_UNITS | OF_ROOM | {"utilisation", "coupler_peak", "air_consumption"}
+    assert nan_of(run) == OF_UNITS | OF_ROOM | {
+        "utilisation", "coupler_peak", "air_consumption", "torsion_peak",
+    }  # fmt: skip
     result = evaluate(run)
     assert result["effort_ratio"] == result["missed_slips"] == result["false_alarms"] == 0.0
 

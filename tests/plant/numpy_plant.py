@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from alloc.plant import engine as compiled
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.engine import derivative
-from alloc.plant.laws import speed_decline
+from alloc.plant.laws import cleaned_degree, recovered_peak, speed_decline
 from alloc.plant.model import Inputs, Model
 from alloc.plant.operations import maximum, minimum, sine
 from alloc.plant.rail import (
@@ -63,8 +63,11 @@ def environment_at(
     )
     if sand is not None:
         peak = sanded_peak(peak, sand, e.sanded, e.sand_saturation)
+    if n.recoveries:
+        under = 0.0 if cleaning is None else cleaning
+        peak = recovered_peak(peak, cleaned_degree(state[n.recovery], under), e.recovered)
     place = (state[n.position][s.car_body] + s.car_offset - e.line_origin) / e.line_spacing
-    rim = arrays.unit_of_axle.T @ (s.radius * state[n.omega]) / s.unit_axles
+    rim = arrays.unit_of_axle.T @ (s.radius * arrays.rotor_speeds(state)) / s.unit_axles
     rim = np.abs(rim) / EFFORT_SPEED_STEP
     wave = sine(2.0 * np.pi * time / e.receptivity[2] + e.receptivity[3])
     receptivity = minimum(maximum(e.receptivity[0] + e.receptivity[1] * wave, 0.0), 1.0)

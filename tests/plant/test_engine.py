@@ -89,6 +89,11 @@ def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, Rails]:
     state[n.pressure] = rng.uniform(0.0, 4e5, n.groups)
     state[n.gear_travel] = rng.uniform(-0.02, 0.02, n.draft_gears)
     state[n.deflection] = rng.uniform(-1.0, 1.0, n.axles) * model.rail.presliding
+    if n.shafts:
+        twists = s.axle_shaft[1] > 0.0
+        state[n.rotor] = twists * (state[n.omega] + rng.normal(0.0, 1.0, n.axles))
+        state[n.twist] = twists * rng.normal(0.0, 3e-3, n.axles)
+    state[n.recovery] = rng.uniform(0.0, 1.0, n.recoveries)
     inputs = Inputs(
         rng.uniform(-4000.0, 4000.0, n.units),
         rng.uniform(0.0, 4e5, n.groups),
@@ -103,7 +108,8 @@ def _assert_agree(actual: np.ndarray, expected: np.ndarray, n, case: str = "") -
     # a rate is a difference of larger terms: the scale is the largest of its kind
     first = 0
     for size in (
-        n.bodies, n.bodies, n.axles, n.units, n.groups, n.draft_gears, n.axles, 1, 1, 1, 1, n.axles,
+        n.bodies, n.bodies, n.axles, n.units, n.groups, n.draft_gears, n.shafts, n.shafts, n.recoveries,
+        n.axles, 1, 1, 1, 1, n.axles,
     ):  # fmt: skip
         part = slice(first, first + size)
         scale = np.abs(expected[part]).max(initial=0.0)

@@ -134,7 +134,14 @@ def _motors(keys: Mapping[str, Any], radius: float, count: int, axle_mass: float
         )
     own = {
         name: given[name]
-        for name in ("torque_lag", "breakdown_torque", "slip_speed")
+        for name in (
+            "torque_lag",
+            "breakdown_torque",
+            "slip_speed",
+            "rotor_inertia",
+            "shaft_stiffness",
+            "shaft_damping",
+        )
         if name in given
     }
     return Motors(
