@@ -97,14 +97,11 @@ LAGS_AHEAD = 2.0
 def _least_adhesion(w, eq, time, truth, trailing):
     """Lower `truth` (units,) and `trailing` (groups,) to the force per axle [N] that each can carry.
 
-    It is that of the weakest axle, or of the mean axle where a unit's motors share an inverter or a voltage, for these give
-    more torque to the axles that slip less. The state is that in the workspace's scratch.
+    It is that of the weakest axle. Motors in parallel could carry more, but only while that axle slips beyond its peak. The
+    state is that in the workspace's scratch.
     """
-    # the right side fills `unit_speed` anew before it reads it, so the sums over units' axles may stand there
-    y, axle, shared = w.scratch.state, w.axle, w.scratch.unit_speed
+    y, axle = w.scratch.state, w.axle
     peak_field(w, time, y)
-    for j in range(truth.size):
-        shared[j] = 0.0
     for i in range(w.size.axles):
         j, g = eq.axle_unit[i], eq.axle_group[i]
         if j >= 0 or g >= 0:
@@ -115,13 +112,8 @@ def _least_adhesion(w, eq, time, truth, trailing):
             load = axle.static_load[i] - axle.unloading[i] * w.scratch.car_force[axle.car[i]]
             if j < 0:
                 trailing[g] = min(trailing[g], USED * limit * load)
-            elif axle.motor[0, i] > 0.0:
-                shared[j] += USED * limit * load / eq.axles[j]
             else:
                 truth[j] = min(truth[j], USED * limit * load)
-    for j in range(truth.size):
-        if shared[j] > 0.0:
-            truth[j] = min(truth[j], shared[j])
 
 
 @inlined_jit
