@@ -25,6 +25,7 @@ from alloc.plant.adhesion import (
     PolachByFrictionCurve,
     PolachCurve,
     RationalCurve,
+    RigPolachCurve,
     ShapedCurve,
     SlipRatioCurve,
     creep_stiffness,
@@ -343,6 +344,23 @@ def test_polach_sets_lie_on_the_family():
         named = polach_set(family.kind, family.q, np.array(friction))
         own = polach_set(curve.kind, curve.q, np.array(friction))
         np.testing.assert_allclose(named, own, rtol=1e-12)
+
+
+def test_the_rigs_set_has_its_peak_where_the_rig_found_it():
+    """Below 1 % slip, at less the faster, and a coefficient that falls with speed and with the load of the axle."""
+    rig, speed = RigPolachCurve(), np.array([10.0, 20.0, 40.0, 80.0])
+    for friction in (0.08, 0.15, 0.28):
+        heights = []
+        for load in (40e3, 110e3):
+            height, slip = rig.limit(friction, speed, rig.contact(load, 0.46))
+            ratio = slip / (speed + slip)
+            assert ratio.max() < 0.01
+            assert (np.diff(ratio) < 0.0).all()
+            assert (np.diff(height) < 0.0).all()
+            heights.append(height)
+        assert (heights[1] < heights[0]).all()
+    # Polach's own wet set is what the rig is not
+    assert POLACH_WET.limit(0.28, 20.0)[1] / 20.0 > 0.05
 
 
 @looped("values", [{"creep_stiffness": 0.0}, {"half_axes_ratio": 3.0}])
