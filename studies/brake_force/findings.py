@@ -111,8 +111,8 @@ def row_of_test(name: str, result: TestResult) -> Row:
     """Numbers of the test called `name`, forces in kN; which ones depends on the test."""
     parts = {
         "locomotive": (_shock, _locomotive, _settled),
-        "all": (_locomotive, _settled, _spikes),
-        "emergency": (_theory,),
+        "all": (_locomotive, _settled, _spikes, _opposite, _by_wheel),
+        "emergency": (_theory, _by_wheel),
     }
     row: Row = {"part": "test", "test": name}
     for part in (averages, _errors, *parts.get(name, ())):
@@ -212,6 +212,45 @@ def _spikes(result: TestResult) -> Row:
         "spike_share": float(pressed.mean()),
         "error_in_spikes": rms(error[pressed]),
         "error_between": rms(error[~pressed]),
+    }
+
+
+def _opposite(result: TestResult) -> Row:
+    """Whether the cars beside the first coupler accelerate in opposite directions, in its spikes and between them (3.2.2).
+
+    Both brake, so directions are those relative to the train: its acceleration is the mean of its cars' by mass. Errors are
+    of the wagons' sum.
+    """
+    w, m = result.window, result.measured
+    first, a = m.coupler_force[w, 0], m.acceleration[w]
+    beside = a[:, :2] - (a @ m.mass / m.mass.sum())[:, None]
+    opposite = beside[:, 0] * beside[:, 1] < 0.0
+    apart = beside[:, 0] - beside[:, 1]
+    pressed = np.abs(first) > CONTACT
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], pressed, [False]]).astype(int)))
+    peaks = [start + int(np.argmax(np.abs(first[start:end]))) for start, end in ends.reshape(-1, 2)]
+    error = (estimate(result).wagons - result.true_force[:, 1:].sum(axis=1))[w] / 1e3
+    return {
+        "opposite_at_spikes": float(opposite[peaks].mean()) if peaks else float("nan"),
+        "opposite_between": float(opposite[~pressed].mean()),
+        "coupler_opposite": rms(first[opposite]) / 1e3,
+        "coupler_alike": rms(first[~opposite]) / 1e3,
+        "apart_in_spikes": rms(apart[pressed]),
+        "apart_between": rms(apart[~pressed]),
+        "error_opposite": rms(error[opposite]),
+        "error_alike": rms(error[~opposite]),
+    }
+
+
+def _by_wheel(result: TestResult) -> Row:
+    """Estimate and theory by the speed of the foremost wheel, and by how much that is slower than the car [m/s]."""
+    other = result.by_wheel()
+    w, found = other.window, estimate(other)
+    mean = float(found.wagons[w].mean())
+    return {
+        "wheel_mean": mean / 1e3,
+        "wheel_over_theory": mean / float(other.test.wagons * found.theory[w].mean()),
+        "wheel_slower": float((result.measured.speed - other.measured.speed)[w].mean()),
     }
 
 

@@ -42,6 +42,8 @@ SURE, RARE = 0.95, 0.05
 """Share of stops in which a faulty car must be found, and in which a sound one may be accused."""
 TENTH = 0.1
 """Share of a car's brake force above which the claim says that its loss is found."""
+MOSTLY = 0.75
+"""Share of the spikes in which cars must accelerate in opposite directions to coincide with them."""
 COVERED, COVERED_WITHIN = 0.95, 0.02
 """Share of 95 % intervals that contain the truth, and by how much it may differ."""
 REPORT = "RTRI report"
@@ -199,6 +201,26 @@ OF_TESTS: tuple[tuple[set[str], tuple[Claim, ...]], ...] = (
             ],
             numbers={"relative motion has died out after [s]": "settled@all"},
         ),
+        _over(
+            "spikes coincide with opposite accelerations",
+            "at the coupler's spikes the cars beside it accelerate in opposite directions, more often than between them",
+            [
+                _bound("share of spikes in which they do, over that of the instants between",
+                       "opposite_at_spikes@all / opposite_between@all", AT_LEAST, 1.0),
+                _bound("share of spikes in which they do", "opposite_at_spikes@all", AT_LEAST, MOSTLY,
+                       reason="three of four coincide"),
+                _bound("difference of their accelerations in spikes over that between",
+                       "apart_in_spikes@all / apart_between@all", AT_LEAST, 1.0),
+                _bound("coupler force where they do, over that where they do not",
+                       "coupler_opposite@all / coupler_alike@all", AT_LEAST, 1.0),
+            ],
+            "at a spike's greatest force; directions relative to the train, whose acceleration is its cars' mean by mass",
+            numbers={
+                "share of the instants between": "opposite_between@all",
+                "error of the wagons' sum where they do, over that where they do not":
+                "error_opposite@all / error_alike@all",
+            },
+        ),
     )),
     (set(CUT_OUT), (
         _over(
@@ -215,6 +237,18 @@ OF_TESTS: tuple[tuple[set[str], tuple[Claim, ...]], ...] = (
         ),
     )),
     ({"emergency", "all"}, (
+        _over(
+            "speed from a wheel",
+            "the speed of the locomotive's foremost wheel does as well as the car's: these wheels do not slide",
+            [
+                *(_bound(f"mean of the wagons' sum, over that by the car's speed: {name}",
+                         f"wheel_mean@{name} / mean@{name}", ABOUT, 1.0, CLOSE) for name in ("all", "emergency")),
+                _bound("the same over theory: emergency", "wheel_over_theory@emergency / sum_over_theory@emergency",
+                       ABOUT, 1.0, CLOSE),
+            ],
+            "the report's reading (3.1); the speed enters the running resistance, theory, and the end of the window",
+            numbers={f"wheel slower than the car by [m/s]: {name}": f"wheel_slower@{name}" for name in ("all", "emergency")},
+        ),
         _follows("sum", "wagons' sum"),
         _follows("wagon", "first wagon"),
         _over(

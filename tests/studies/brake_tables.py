@@ -35,22 +35,25 @@ def brake_table(
     for day in range(days):
         own = 0.01 * float(draw.standard_normal())
         for name in TESTS:
-            count = CUT_OUT.get(name, 0.0)
+            force = 750.0 if name == "emergency" else 33.0 * CUT_OUT.get(name, 0.0)
             rows.append(
                 {
                     "part": "test", "test": name, "event": day, "locomotive": 60.0 * (1.0 + own),
-                    "mean": 33.0 * count + 30.0 * own, "whole_deviation": 2.0, "true_mean": 33.0 * count,
+                    "mean": force + 30.0 * own, "whole_deviation": 2.0, "true_mean": force,
                     "smooth_ratio": 0.9,
                     "covered": 0.95, "covered_own": 0.95, "covered_smooth": 0.95,
                     "error_first": {"locomotive": 7.0, "emergency": 100.0}.get(name, 15.0) * (1.0 + own),
                     "error_own": 3.0, "error_smooth": 1.0, "mean_error_first": 2.0,
-                    "mean_error_own": 0.5, "force": 750.0 if name == "emergency" else 33.0 * count,
+                    "mean_error_own": 0.5, "force": force,
                     "shock_ratio": 1.5 + own, "swing_early": 6.0, "swing_late": 0.3 + own,
                     "shock": 30.0, "compression": 45.0, "settled": 8.0 + own,
                     "locomotive_before": 2.2, "locomotive_after": 2.2 + own,
                     "wagons_before": 30.0, "wagons_after": 7.0, "wagons_mean_after": 30.0 * own,
                     "coupler_median": 1.0, "coupler_peak": 28.0, "spikes": 8, "spike_share": 0.1,
                     "error_in_spikes": 26.0, "error_between": 12.0,
+                    "opposite_at_spikes": 0.9, "opposite_between": 0.5 + own, "coupler_opposite": 3.0, "coupler_alike": 2.0,
+                    "apart_in_spikes": 0.1, "apart_between": 0.04, "error_opposite": 16.0, "error_alike": 14.0,
+                    "wheel_mean": force + 30.0 * own, "wheel_over_theory": 1.0 + own, "wheel_slower": 0.01,
                     **{f"{one}_over_theory": 1.0 + own for one in ("sum", "wagon", "true_sum", "true_wagon")},
                     **{f"{one}_theory_off": 0.05 for one in ("sum", "wagon")},
                     **{f"{one}_swing": 0.1 for one in ("sum", "wagon")},

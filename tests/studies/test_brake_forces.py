@@ -322,7 +322,7 @@ def changed(test, belief=None, beliefs=(), **values):
 def test_a_table_as_the_report_found_it_holds_and_few_days_give_no_verdict():
     found = brake_force_statements(brake_table(beliefs=BELIEFS))
     assert {one.name: one.verdict for one in found} == {one.name: HOLDS for one in found}
-    assert len({one.name for one in found}) == len(found) == 15 + 13
+    assert len({one.name for one in found}) == len(found) == 17 + 15
     found = brake_force_statements(brake_table(days=4))
     assert {one.verdict for one in found} == {TOO_FEW}
     numbers = verdict(brake_table(), "linear in the wagons braked").numbers
@@ -338,6 +338,12 @@ CHANGES = [
     ("couplers free when all brake", "all", {"coupler_median": 20.0}, FAILS),
     ("locomotive equal in both tests", "all", {"locomotive": 50.0}, FAILS),
     ("wagons' sum varies with the spikes", "all", {"error_in_spikes": 5.0}, FAILS),
+    ("spikes coincide with opposite accelerations", "all", {"opposite_at_spikes": 0.4}, FAILS),
+    ("spikes coincide with opposite accelerations", "all", {"opposite_at_spikes": 0.7}, CONDITIONS),
+    ("spikes coincide with opposite accelerations", "all", {"apart_in_spikes": 0.03}, CONDITIONS),
+    ("spikes coincide with opposite accelerations", "all", {"coupler_alike": 4.0}, CONDITIONS),
+    ("speed from a wheel", "all", {"wheel_mean": 200.0}, FAILS),
+    ("speed from a wheel", "emergency", {"wheel_over_theory": 1.1}, CONDITIONS),
     ("linear in the wagons braked", "3 wagons", {"mean": 140.0}, FAILS),
     ("wagons' sum follows theory", "emergency", {"sum_over_theory": 1.1}, FAILS),
     ("first wagon follows theory", "emergency", {"wagon_theory_off": 0.3}, CONDITIONS),
@@ -371,7 +377,7 @@ def test_what_does_not_hold_is_said_not_to():
 
 def test_the_budget_names_what_a_finding_does_not_survive_and_nothing_else():
     wrong = "friction +20%"
-    table = changed("emergency", wrong, BELIEFS, sum_over_theory=1.2)
+    table = changed("emergency", wrong, BELIEFS, sum_over_theory=1.2, wheel_over_theory=1.2)
     found = {one.name: one for one in brake_force_statements(table)}
     budget = found["budget: wagons' sum follows theory"]
     assert (budget.verdict, budget.conditions) == (CONDITIONS, (f"not with {wrong}",))
