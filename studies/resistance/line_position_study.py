@@ -219,7 +219,7 @@ def claims_of(arm: str) -> Iterator[Claim]:
         f"{PATENT}: alternately; most {OWN}", {"share of the run": "'use share'"},
     )  # fmt: skip
     yield one(
-        "6, 7: mass", AT_MOST, 0.05, "the stand-alone learner finds the train's mass",
+        "7: mass", AT_MOST, 0.05, "the stand-alone learner finds the train's mass",
         f"{PATENT}: the mass; a twentieth {OWN}",
         {
             "relative error of W3": f"|W3@{ALONE[3]} - 1|", "with five weights": f"|W3@{ALONE[5]} - 1|",
