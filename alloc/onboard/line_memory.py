@@ -159,13 +159,29 @@ class Odometer:
 
 
 @dataclass(frozen=True)
+class CoilCounter:
+    """Distance by the number of coils of the track that the train has passed, one every `spacing` [m]; paragraph 0022.
+
+    The source's way where no motor turns, as in magnetic levitation: a sensor counts "ground coils", and the speed is the
+    distance differentiated. The position is that of the last coil, and the error of up to `spacing` does not grow. The speed
+    is the mean between the last two coils, and less where the next one is overdue. It is not a reset of a count of wheels,
+    which is the `stations` of `Odometer`. The train runs forward.
+    """
+
+    spacing: float
+
+    def __post_init__(self) -> None:
+        OnboardError.check("coil counter", self, positive=("spacing",), infinite=())
+
+
+@dataclass(frozen=True)
 class PositionDetector:
-    """What position and speed the train gets: by an `odometer`, or the true ones where there is none.
+    """What position and speed the train gets: by an `odometer` or by coils, or the true ones where there is neither.
 
     `delay` [s]: both are late by it. `speed_noise` [m/s]: standard deviation of the speed, white, drawn from `seed`.
     """
 
-    odometer: Odometer | None = None
+    odometer: Odometer | CoilCounter | None = None
     delay: float = 0.0
     speed_noise: float = 0.0
     seed: int = 0
@@ -186,7 +202,7 @@ class Detection:
         self._newer = whole - detector.delay / period
         """Share of the sample after the oldest one that is kept: delays lie between periods too."""
         self._period = period
-        self._count: _Count | None = None
+        self._count: _Count | _CoilCount | None = None
 
     def read(
         self, time: float, position: float, speed: float, wheel_speed: Floats
@@ -198,7 +214,11 @@ class Detection:
         signal = (position, speed)
         if self._odometer is not None:
             if self._count is None:
-                self._count = _Count(self._odometer, position, wheel_speed)
+                self._count = (
+                    _CoilCount(self._odometer.spacing, position, speed)
+                    if isinstance(self._odometer, CoilCounter)
+                    else _Count(self._odometer, position, wheel_speed)
+                )
             signal = self._count.read(time, position, wheel_speed, self._period)
         self._signals.append(signal)
         position, speed = self._signals[0]
@@ -253,6 +273,32 @@ class _Count:
             since = position - stations[self._passed - 1]
             self._position = position + self._residual() + self._odometer.scale_error * since
         return self._position, speed
+
+
+class _CoilCount:
+    """The count of coils every `spacing`; until two are passed, the `speed` of the first instant."""
+
+    def __init__(self, spacing: float, position: float, speed: float) -> None:
+        self._spacing, self._speed = spacing, speed
+        self._count, self._before = math.floor(position / spacing), position
+        self._passed: float | None = None
+        """Instant of the last coil [s]; it lies between periods."""
+
+    def read(
+        self, time: float, position: float, wheel_speed: Floats, period: float
+    ) -> tuple[float, float]:
+        count = math.floor(position / self._spacing)
+        if count > self._count:
+            beyond = (position - count * self._spacing) / (position - self._before)
+            passed = time - beyond * period
+            if self._passed is not None:
+                self._speed = (count - self._count) * self._spacing / (passed - self._passed)
+            self._count, self._passed = count, passed
+        self._before = position
+        speed = self._speed
+        if self._passed is not None and speed * (time - self._passed) > self._spacing:
+            speed = self._spacing / (time - self._passed)
+        return self._count * self._spacing, speed
 
 
 # The force that a motion needs, linear in its weights: JP H07-322414 (2), (3), (6), (7) without the factor K_i.

@@ -8,6 +8,7 @@ import pytest
 
 from alloc.errors import OnboardError
 from alloc.onboard.line_memory import (
+    CoilCounter,
     Detection,
     LineMemory,
     Motion,
@@ -512,6 +513,39 @@ def test_between_stations_creep_of_the_counted_axles_is_counted_as_way():
         np.testing.assert_allclose(found, (1.0 + share) * position, rtol=1e-9, atol=1e-9)
 
 
+@looped("spacing", [0.3, 1.7, 40.0])
+def test_counted_coils_give_the_last_coils_place_and_the_mean_speed_between_coils(spacing):
+    position, speed, found, read = ride(PositionDetector(CoilCounter(spacing)), start=3.0)
+    np.testing.assert_allclose(found, spacing * np.floor(position / spacing), atol=1e-9)
+    # instants at which the ride passes its coils, in closed form: 3 + 10 t + 0.1 t^2
+    coils = spacing * np.arange(
+        np.floor(3.0 / spacing) + 1.0, np.floor(position[-1] / spacing) + 1.0
+    )
+    passed = (-10.0 + np.sqrt(100.0 + 0.4 * (coils - 3.0))) / 0.2
+    count = np.floor(position / spacing) - np.floor(3.0 / spacing)
+    # where a period passes several, the last of them counts
+    last = np.unique(count[count >= 1].astype(int)) - 1
+    mean = np.diff(coils[last]) / np.diff(passed[last])
+    at = np.searchsorted(last, count - 1, side="left")
+    expected = np.append(speed[0], mean)[np.where(count < 1, 0, at)]
+    np.testing.assert_allclose(read, expected, rtol=1e-3)
+    # by what the speed gains since the middle between two coils
+    behind = (speed - read)[count >= 2]
+    assert np.all(np.abs(behind) <= 0.2 * (1.5 * spacing / 10.0 + 2 * PERIOD))
+
+
+def test_where_no_coil_comes_any_more_the_counted_speed_dies_out():
+    detection = Detection(PositionDetector(CoilCounter(2.0)), PERIOD)
+    read = []
+    for t in np.arange(0.0, 20.0, PERIOD).tolist():  # stops within 10 s, on 25 m
+        gone = min(t, 10.0)
+        read.append(
+            detection.read(t, 5.0 * gone - 0.25 * gone**2, 5.0 - 0.5 * gone, np.zeros(1))[1]
+        )
+    assert np.all(np.diff(read) <= 1e-9)
+    assert read[-1] == pytest.approx(2.0 / 11.0, rel=0.2)  # the last coil was at 24 m, at 8 s
+
+
 @looped("periods", [0.3, 1.0, 4.0, 9.7])
 def test_a_delay_shows_what_was_and_at_first_what_was_first(periods):
     delay = periods * PERIOD
@@ -548,6 +582,8 @@ def test_car_by_car_the_memory_has_the_sum_over_the_cars():
         (lambda: Odometer(stations=(math.inf,)), "stations"),
         (lambda: Odometer(stations=(0.0, 9.0), residuals=(1.0,)), "1 residuals"),
         (lambda: Odometer(axles=(-1,)), "axles"),
+        (lambda: CoilCounter(0.0), "spacing"),
+        (lambda: CoilCounter(math.inf), "spacing"),
         (lambda: PositionDetector(delay=-0.1), "delay"),
         (lambda: PositionDetector(delay=math.inf), "delay"),
         (lambda: PositionDetector(speed_noise=math.nan), "speed_noise"),
