@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
-from alloc.plant.adhesion import PiecewiseCurve
 from paper_figs.drawing import Source, figure, made, study
 from paper_figs.style import (
     BLACK,
@@ -232,7 +231,7 @@ def readhesion_trajectory(*runs: TableRuns) -> Figure:
             axes.plot(slip[last], torque[last], color=ORANGE, **thick)
             begin: Look = {"color": colour, "markersize": 4.0, "label": "_begin"}
             axes.plot(slip[low][:1], torque[low][:1], "o", **begin)
-            curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
+            curve = unprinted.curve
             along, peak = np.geomspace(*ends, 800), CASES[name].limit
             force = curve.coefficient(along, peak)
             axes.plot(along, force, "--", color=BLACK, linewidth=1.0, label="adhesion curve")

@@ -39,6 +39,8 @@ LOW_END = 16.0
 CASES_TOGETHER = 32
 """Cases of one piece of parallel work."""
 COMMAND = DriverCommand((0.0,), (3.0 / 3.6,))
+MOST_RATIO = 0.97
+"""Largest mu_inf over mu_max."""
 STEP = 5e-5
 """Step [s] of the paper, which is the controller's period here."""
 
@@ -48,7 +50,7 @@ class Unprinted:
     """What the paper does not print."""
 
     residual_ratio: float = PiecewiseCurve().residual_ratio
-    """mu_inf over mu_max."""
+    """mu_inf over mu_max; over that of cases A and B where mu_inf is constant."""
     rise: float = TorqueTable().rise
     """T_u [s]."""
     fall: float = TorqueTable().fall
@@ -57,6 +59,16 @@ class Unprinted:
     """tau [s] of the pseudo-differentiator."""
     unit: Unit = "km/h/s"
     """Unit of a_0 and a_w."""
+    constant: bool = False
+    """Whether mu_inf is what it is in cases A and B at every mu_max, instead of proportional to mu_max."""
+
+    @property
+    def curve(self) -> PiecewiseCurve:
+        """The adhesion curve. A constant mu_inf is at most `MOST_RATIO` of mu_max: below it there is no peak."""
+        if not self.constant:
+            return PiecewiseCurve(residual_ratio=self.residual_ratio)
+        constant = self.residual_ratio * CASE_A.limit
+        return PiecewiseCurve(residual_ratio=MOST_RATIO, constant_residual=constant)
 
     def table(self, margin: float, width: float) -> TorqueTable:
         """The controller for a_0 and a_w in the paper's numbers."""
@@ -107,7 +119,7 @@ def run_cases(
     With `recovers` the rail is that of Table 2 until its end at 15 s. Without, it stays low until 16 s, as the criterion
     of readhesion possibility needs; both are the same until 14 s.
     """
-    curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
+    curve = unprinted.curve
     if top_curvature is not None:
         curve = replace(curve, top_curvature=top_curvature)
     until = RECOVERY if recovers else 2.0 * LOW_END
