@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
-from alloc.plant.adhesion import PiecewiseCurve
 from paper_figs.drawing import Source, figure, made, study
 from paper_figs.style import (
     BLACK,
@@ -232,7 +231,7 @@ def readhesion_trajectory(*runs: TableRuns) -> Figure:
             axes.plot(slip[last], torque[last], color=ORANGE, **thick)
             begin: Look = {"color": colour, "markersize": 4.0, "label": "_begin"}
             axes.plot(slip[low][:1], torque[low][:1], "o", **begin)
-            curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
+            curve = unprinted.curve
             along, peak = np.geomspace(*ends, 800), CASES[name].limit
             force = curve.coefficient(along, peak)
             axes.plot(along, force, "--", color=BLACK, linewidth=1.0, label="adhesion curve")
@@ -375,11 +374,40 @@ def _indices(used: Axes, share: Axes, runs: pd.DataFrame, over: str) -> None:
     share.xaxis.set_major_locator(MultipleLocator(0.04))
 
 
+RING: Look = {"linestyle": "none", "marker": "o", "markersize": 3.5, "markerfacecolor": "none"}
+"""Mark of what was simulated."""
+
+
+@figure("downhill", "torque that the torque table leaves on a dry downhill over a_0 (readhesion paper, section 4), by unit",
+        study("readhesion"))  # fmt: skip
+def downhill(table: pd.DataFrame) -> Figure:
+    """A column per unit, a line per a_0: where the table comes to rest against gravity. Circles: runs; no wheel slips."""
+    drawn, panels = new_panels(PAGE, 2.7, 1, len(SETS), sharey=True, squeeze=False)
+    table = table[table["part"] == "downhill"]
+    for axes, letter, one in zip(panels[0], "ab", SETS.values(), strict=True):
+        rows = table[table["read_in"] == one.unit]
+        values = sorted(rows["margin"].unique())
+        for k, value in enumerate(values):
+            own = rows[rows["margin"] == value].sort_values("gradient")
+            colour = SHADES(0.92 * k / max(len(values) - 1, 1))
+            width = 2.2 if value == CASE_A.margin else 1.0
+            rest, kept = 100.0 * own["expected"], 100.0 * own["kept"]
+            axes.plot(own["gradient"], rest, color=colour, linewidth=width, label=f"{value:g}")
+            axes.plot(own["gradient"], kept, color=colour, label="_simulated", **RING)
+        axes.set(
+            title=f"({letter}) $a_0$, $a_w$ = {CASE_A.width:g} in {_shown(one.unit)}",
+            xlabel="gradient [‰]",
+        )
+    panels[0, 0].set_ylabel("torque over that of the plan [%]")
+    lines = panels[0, 0].get_legend_handles_labels()[0]
+    title = "$a_0$, in the unit of each column; thick: that of cases A and B"
+    drawn.legend(handles=lines, loc="outside lower center", ncols=10, title=title)
+    return drawn
+
+
 WIDTHS = (0.1, 0.3)
 LIMITS = tuple(round(0.112 + 0.004 * k, 3) for k in range(12))
 GROWTH_WIDTHS = tuple(round(0.15 + 0.05 * k, 2) for k in range(14))
-RING: Look = {"linestyle": "none", "marker": "o", "markersize": 3.5, "markerfacecolor": "none"}
-"""Mark of what was simulated."""
 
 
 def _cycles(source: Source) -> dict[str, pd.DataFrame]:

@@ -5,7 +5,7 @@ slip and coefficient, and creep stiffness from wheel load and radius.
 """
 
 import math
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import astuple, dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar, Protocol, Self
 
@@ -131,10 +131,6 @@ class AdhesionCurve:
         """Parameters as the equations take them, (6,): the fields in their order, then zeros."""
         return np.append(astuple(self), np.zeros(6))[:6]
 
-    def with_parameters(self, q: NDArray[np.float64]) -> Self:
-        """A curve of this class with the parameters `q` (6,)."""
-        return type(self)(*(float(value) for value in q[: len(fields(self))]))
-
     def contact(self, load: ArrayLike, radius: ArrayLike) -> NDArray[np.float64]:
         """Creep stiffness over that in `q` under the wheel load `load` [N], half an axle's, of wheels of `radius` [m].
 
@@ -254,20 +250,34 @@ class PiecewiseCurve(AdhesionCurve):
     """Slope g2 beyond the peak [s/m]."""
     residual_ratio: float = 0.9
     """Coefficient at infinite slip over the peak, below 1. Source: assumed: a trial calibration of the paper's findings."""
+    constant_residual: float | None = None
+    """Coefficient mu_inf at infinite slip, the same at every peak; where it exceeds `residual_ratio` of the peak, that
+    counts. Left out: `residual_ratio` of every peak. Source: readhesion paper (1)."""
     kind: ClassVar[int] = PIECEWISE
 
     def __post_init__(self) -> None:
+        given = () if self.constant_residual is None else ("constant_residual",)
         PlantError.check(
-            "adhesion curve", self, positive=("micro_slope", "top_curvature", "macro_slope")
+            "adhesion curve", self, positive=("micro_slope", "top_curvature", "macro_slope", *given)
         )
         if not 0.0 <= self.residual_ratio < 1.0:
             raise PlantError(
                 f"adhesion curve: residual_ratio = {self.residual_ratio} must lie in [0, 1)"
             )
 
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """As in `AdhesionCurve`; a constant mu_inf that is left out bounds nothing."""
+        *shape, most = astuple(self)
+        return np.array([*shape, math.inf if most is None else most, 0.0])
+
     def steepest_slope(self, peak: float) -> float:
         """Slope at the origin [s/m]."""
         return max(self.micro_slope, self.macro_slope)
+
+    def residual(self, peak: float) -> float:
+        """Coefficient at infinite slip, mu_inf."""
+        return float(min(self.q[3] * peak, self.q[4]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -297,10 +307,6 @@ class CreepCurve(AdhesionCurve):
         stiffness = self.creep_stiffness or creep_stiffness(self.half_axes_ratio)
         end = GROWTH_END / max(decay, 1e-9)
         return np.array([ratio, decay, adhesion_factor, slip_factor, stiffness, end])
-
-    def with_parameters(self, q: NDArray[np.float64]) -> Self:
-        """This curve with the creep stiffness of `q` (6,)."""
-        return replace(self, creep_stiffness=float(q[4]))
 
     def contact(self, load: ArrayLike, radius: ArrayLike) -> NDArray[np.float64]:
         """As in `AdhesionCurve`: 1 where the creep stiffness is given."""

@@ -370,10 +370,13 @@ def narrowest_parabola(micro_slope, macro_slope, residual_ratio):
 
 
 @equation
-def piecewise_coefficient(slip, peak, micro_slope, top_curvature, macro_slope, residual_ratio):
+def piecewise_coefficient(
+    slip, peak, micro_slope, top_curvature, macro_slope, residual_ratio, most_residual
+):
     """Line, parabola, exponential: readhesion paper (1)-(6).
 
-    On a rail too slippery for the source's `top_curvature` the parabola is narrowed, see `parabola_curvature`.
+    mu_inf is `most_residual`, and `residual_ratio` of the peak where that is less: the source prints neither. On a rail
+    too slippery for the source's `top_curvature` the parabola is narrowed, see `parabola_curvature`.
     """
     narrowest = narrowest_parabola(micro_slope, macro_slope, residual_ratio)
     # divisions are what this law costs: but for one, below, they are by constants
@@ -383,7 +386,7 @@ def piecewise_coefficient(slip, peak, micro_slope, top_curvature, macro_slope, r
     line_end = maximum(0.0, middle - half_width)  # (3)
     top = middle + half_width  # (4)
     tail_start = top + 0.5 * macro_slope * breadth  # (5)
-    residual = residual_ratio * peak
+    residual = minimum(residual_ratio * peak, most_residual)
     drop = peak - 0.25 * macro_slope * macro_slope * breadth - residual  # (6), B of the source
     inverse = 1.0 / (peak * drop)
     curvature = maximum(top_curvature, narrowest * drop * inverse)  # as `parabola_curvature`
@@ -497,7 +500,7 @@ def tangential_coefficient(kind, q, slip, speed, rim_speed, peak, contact=1.0):
     `contact`: creep stiffness of the axle over that in `q`.
     """
     if kind == PIECEWISE:
-        return piecewise_coefficient(slip, peak, q[0], q[1], q[2], q[3])
+        return piecewise_coefficient(slip, peak, q[0], q[1], q[2], q[3], q[4])
     elif kind in (POLACH, POLACH_BY_FRICTION):
         shape = polach_set(kind, q, peak)
         return polach_coefficient(slip, speed, rim_speed, peak, q[0], shape, q[4] * contact)

@@ -9,6 +9,7 @@ cover what the paper leaves open.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from studies.readhesion_paper.paper import (
     CALIBRATED,
     CASE_A,
     CASE_B,
+    MOST_RATIO,
     PAPER_LIMITS,
     PAPER_MARGINS,
     PAPER_WIDTHS,
@@ -195,7 +197,7 @@ NOT_ASKED_OF_ALL = ("half-slip lasts", "half-slip costs")
 """Findings that no set has shown together with all others; `fulfilling` leaves them out."""
 
 RANGES: dict[str, tuple[float, float, bool]] = {
-    "residual_ratio": (0.1, 0.97, False),
+    "residual_ratio": (0.1, MOST_RATIO, False),
     "rise": (0.3, 2.2, True),
     "fall": (0.01, 1.0, True),
     "time_constant": (0.02, 0.5, True),
@@ -275,46 +277,56 @@ def best_of_units(table: pd.DataFrame, number: int) -> pd.DataFrame:
     return ordered.groupby("unit", sort=False).head(number)
 
 
-def first_cells(seed: int, samples: int, refinements: int = REFINEMENTS) -> list[Task]:
+def first_cells(
+    seed: int, samples: int, refinements: int = REFINEMENTS, constant: bool = False
+) -> list[Task]:
     """What was assumed before, after trials by hand; the rival in the other unit; the set in use; sets over all ranges.
 
     A search of that unit alone found the rival. Few draws may miss either, so both are samples too. The set in use is tried
-    like any other.
+    like any other. `constant`: all sets are read with a constant mu_inf (`Unprinted.curve`), and those of the ensemble,
+    which is of the other reading, are tried too.
     """
     needed("emcee")  # of the last stage: better said before the first
     wide = draw(math.ceil(WIDE_SHARE * samples), seed)
     return [
-        *_tried("assumed", [ASSUMED, RIVAL]),
-        *_tried("shipped", [CALIBRATED]),
-        *_tried("wide", wide),
+        *_tried("assumed", [ASSUMED, RIVAL], constant),
+        *_tried("shipped", sum(MEMBERS.values(), ()) if constant else [CALIBRATED], constant),
+        *_tried("wide", wide, constant),
     ]
 
 
 def near_cells(
-    generation: int, seed: int, samples: int, table: pd.DataFrame, refinements: int = REFINEMENTS
-) -> list[Task]:
+    generation: int, seed: int, samples: int, table: pd.DataFrame, refinements: int = REFINEMENTS,
+    constant: bool = False,
+) -> list[Task]:  # fmt: skip
     """A generation of sets around the best of the table so far."""
     rest = samples - math.ceil(WIDE_SHARE * samples)
     part = rest // len(NEARNESS) + (generation < rest % len(NEARNESS))
-    return _tried(f"near {generation}", draw_near(table, part, seed, generation))
+    return _tried(f"near {generation}", draw_near(table, part, seed, generation), constant)
 
 
 def refining_cells(
-    seed: int, samples: int, table: pd.DataFrame, refinements: int = REFINEMENTS
+    seed: int,
+    samples: int,
+    table: pd.DataFrame,
+    refinements: int = REFINEMENTS,
+    constant: bool = False,
 ) -> list[Task]:
     """The simplex method from the best set in each unit."""
     return [
         Task(
             f"refined/{row['unit']}", refined_rows,
-            (tuple(to_unit_cube(row).tolist()), row["unit"], refinements), (("stage", "refined"),),
+            (tuple(to_unit_cube(row).tolist()), row["unit"], refinements, constant),
+            (("stage", "refined"),),
         )
         for _, row in best_of_units(table, 1).iterrows()
     ]  # fmt: skip
 
 
 def walking_cells(
-    generation: int, seed: int, samples: int, table: pd.DataFrame, refinements: int = REFINEMENTS
-) -> list[Task]:
+    generation: int, seed: int, samples: int, table: pd.DataFrame, refinements: int = REFINEMENTS,
+    constant: bool = False,
+) -> list[Task]:  # fmt: skip
     """Walkers in each unit, from the sets that meet enough; none where too few do."""
     cells = []
     for k, unit in enumerate(UNITS):
@@ -327,21 +339,23 @@ def walking_cells(
                 Task(
                     f"sampled/{unit}/{generation}",
                     walked_rows,
-                    (tuple(points), unit, number),
+                    (tuple(points), unit, number, constant),
                     columns,
                 )
             )
     return cells
 
 
-def walked_rows(points: Sequence[Sequence[float]], unit: str, seed: int) -> list[dict[str, Any]]:
+def walked_rows(
+    points: Sequence[Sequence[float]], unit: str, seed: int, constant: bool
+) -> list[dict[str, Any]]:
     """Rows of the sets that meet enough, of those that walkers come to from `points`: all such are equally likely."""
     rows: dict[bytes, dict[str, Any]] = {}
 
     def log_posterior(point: NDArray[np.float64]) -> float:
         if np.any((point < 0.0) | (point > 1.0)):
             return -np.inf
-        row = row_of(from_unit_cube(point, unit))
+        row = row_of(replace(from_unit_cube(point, unit), constant=constant))
         if row["met"] < LEAST_MET:
             return -np.inf
         rows[point.tobytes()] = row
@@ -357,9 +371,12 @@ def members(table: pd.DataFrame, unit: str) -> pd.DataFrame:
     return good.drop_duplicates(subset=list(RANGES))
 
 
-def _tried(stage: str, sets: Sequence[Unprinted]) -> list[Task]:
+def _tried(stage: str, sets: Sequence[Unprinted], constant: bool) -> list[Task]:
     columns = (("stage", stage.partition(" ")[0]),)
-    return [Task(f"{stage}/{k}", row_of, (one,), columns) for k, one in enumerate(sets)]
+    return [
+        Task(f"{stage}/{k}", row_of, (replace(one, constant=constant),), columns)
+        for k, one in enumerate(sets)
+    ]
 
 
 def fulfilling(table: pd.DataFrame) -> pd.DataFrame:
@@ -375,12 +392,14 @@ def best(table: pd.DataFrame) -> pd.Series:
     return chosen.sort_values("objective", kind="stable").iloc[0]
 
 
-def refined_rows(start: Sequence[float], unit: str, evaluations: int) -> list[dict[str, Any]]:
+def refined_rows(
+    start: Sequence[float], unit: str, evaluations: int, constant: bool
+) -> list[dict[str, Any]]:
     """A row per set that the simplex method tries from `start`, a point of the unit cube."""
     rows: list[dict[str, Any]] = []
 
     def misfit(point: NDArray[np.float64]) -> float:
-        rows.append(row_of(from_unit_cube(point, unit)))
+        rows.append(row_of(replace(from_unit_cube(point, unit), constant=constant)))
         return float(rows[-1]["objective"])
 
     # towards the middle of the cube, so that no corner of the simplex is cut off

@@ -20,6 +20,7 @@ from alloc.onboard.laws import differentiate
 from alloc.onboard.parameters import Onboard
 from alloc.plant.laws import (
     car_drag,
+    gradient_force,
     limit_place,
     motor_torque_rate,
     slip_velocity,
@@ -90,6 +91,7 @@ class Lanes(NamedTuple):
     law: Floats  # (3, lanes) speed law
     patch: Patches  # (patches, lanes) each
     table: Floats  # (6, lanes) the settings of the torque table
+    downhill: Floats  # (1, lanes) gradient force against the motion [N]
 
 
 class Drive(NamedTuple):
@@ -142,7 +144,7 @@ def _rates(axle, lanes, time, x, v, omega, torque, command):
     force, r, a = mu * axle.load, axle.radius, axle.resistance
     inverse = 1.0 / axle.inertia
     _, turning = wheelset(axle.gear * torque, force, r, omega, spread(0.0), axle.inertia, inverse)
-    drag = car_drag(v, a[0], a[1], a[2], 1.0, 0.0)
+    drag = car_drag(v, a[0], a[1], a[2], 1.0, load(lanes.downhill[0], 0))
     place = limit_place(r * omega, 1.0 / EFFORT_SPEED_STEP, axle.drive_table.size)
     bound = look_up(axle.drive_table, place)
     rising = motor_torque_rate(torque, command, bound, bound, 1.0, axle.inverse_lag)
@@ -218,7 +220,9 @@ def _refuse(train: Train, model: Model, rails: Sequence[Rail]) -> None:
         )
 
 
-def _lanes(rails: Sequence[Rail], tables: Sequence[TorqueTable], period: float) -> Lanes:
+def _lanes(
+    rails: Sequence[Rail], tables: Sequence[TorqueTable], downhill: Floats, period: float
+) -> Lanes:
     """What differs, of at most `WIDTH` lanes; the last one fills up."""
     some = [*range(len(rails)), *(len(rails) - 1,) * (WIDTH - len(rails))]
     most = max(len(rail.patches) for rail in rails)
@@ -229,6 +233,7 @@ def _lanes(rails: Sequence[Rail], tables: Sequence[TorqueTable], period: float) 
         np.stack([rails[k].axle_laws(1)[:, 0] for k in some], axis=1),
         patch,
         np.array([tables[k].settings(period) for k in some]).T.copy(),
+        downhill[some][None].copy(),
     )
 
 
@@ -241,10 +246,12 @@ def simulate_tables(
     end: float,
     period: float = 5e-5,
     record_period: float = 1e-3,
+    grades: Sequence[float] = (),
 ) -> TableRuns:
     """Drive `train` from rest at `begin` to `end` [s] once per lane: rail k under table k, every `period` [s].
 
-    The train must be one rigid unit of one axle, driving only. Rails may differ in level, speed law and patches. Raises
+    The train must be one rigid unit of one axle, driving only. Rails may differ in level, speed law and patches. `grades`:
+    rise per run of each lane's line, which is level where they are left out. Raises
     `SimulationError` where the lanes do not fit together, `PlantError` where train and rail do not.
     """
     if len(rails) != len(tables) or not rails:
@@ -279,11 +286,13 @@ def simulate_tables(
     )
     steps = max(one.substeps(period) for one in models)
     drive = Drive(target, commanded, first_tick, period, steps, record_ticks)
+    slope = np.zeros(len(rails)) if len(grades) == 0 else np.asarray(grades, dtype=float)
+    downhill = gradient_force(float(s.body_mass[0]), slope)
     kept = []
     for start in range(0, len(rails), WIDTH):
         own = slice(start, start + WIDTH)
         record = LaneRecord(*np.zeros((len(LaneRecord._fields), records, WIDTH)))
-        _run(axle, _lanes(rails[own], tables[own], period), drive, record)
+        _run(axle, _lanes(rails[own], tables[own], downhill[own], period), drive, record)
         kept.append(record)
     found = LaneRecord(
         *(np.concatenate(parts, axis=-1)[:, : len(rails)] for parts in zip(*kept, strict=True))

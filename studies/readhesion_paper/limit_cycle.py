@@ -97,7 +97,7 @@ class ReducedModel:
 
     def runaway(self) -> Runaway:
         """Where factor and deviation rest while the wheels run away at mu_inf."""
-        residual = self.curve.residual_ratio * self.peak
+        residual = self.curve.residual(self.peak)
         pull = self.torque_gain * self.target
         rest = self.wheel_gain * residual + self.acceleration
         factor = (1.0 + (rest + self.table.margin) / self.table.width) / (1.0 + self.gain)
@@ -117,7 +117,7 @@ class ReducedModel:
     @property
     def _residual_slip(self) -> float:
         """Slip velocity from which on the two lines end at mu_inf [m/s]."""
-        return self.top + (1.0 - self.curve.residual_ratio) * self.peak / self.curve.macro_slope
+        return self.top + (self.peak - self.curve.residual(self.peak)) / self.curve.macro_slope
 
     def rates(self, mode: Mode) -> Floats:
         """Matrix of a mode, (5, 5): state' = matrix state."""
@@ -126,7 +126,7 @@ class ReducedModel:
         slope, offset = (
             (self.curve.micro_slope, 0.0),
             (-self.curve.macro_slope, self.peak + self.curve.macro_slope * self.top),
-            (0.0, self.curve.residual_ratio * self.peak),
+            (0.0, self.curve.residual(self.peak)),
         )[region]
         per_deviation = -1.0 / t.width if zone == 1 else 0.0
         at_zero = (1.0, 1.0 + t.margin / t.width, 0.0)[zone]

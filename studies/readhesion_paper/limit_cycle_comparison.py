@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.sets import find_set
 from studies.readhesion_paper.limit_cycle import LimitCycle, ReducedModel, growth, reduced_model
 from studies.readhesion_paper.paper import CALIBRATED, CASE_A, COMMAND, Case, Unprinted, assess
@@ -17,9 +16,9 @@ def paper_model(
     width: float = CASE_A.width, limit: float = CASE_A.limit, unprinted: Unprinted = CALIBRATED
 ) -> ReducedModel:
     """The loop of the readhesion paper, a_w in its numbers, on a rail of mu_lim, with a_0 of its case A."""
-    curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
     table = unprinted.table(CASE_A.margin, width)
-    return reduced_model(find_set("one-axle"), table, curve, limit, COMMAND.accelerations[0])
+    train, acceleration = find_set("one-axle"), COMMAND.accelerations[0]
+    return reduced_model(train, table, unprinted.curve, limit, acceleration)
 
 
 def compare_cycles(

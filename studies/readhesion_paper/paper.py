@@ -5,6 +5,7 @@ What the paper does not print (`Unprinted`) is calibrated on what it does print,
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Literal, NamedTuple
 
 import joblib
@@ -22,6 +23,8 @@ from alloc.metrics.search import (
 )
 from alloc.onboard.controllers.simple import TorqueTable
 from alloc.plant.adhesion import PiecewiseCurve
+from alloc.plant.laws import gradient_force
+from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
 from studies.readhesion_paper.lanes import TableRuns, simulate_tables
@@ -39,6 +42,8 @@ LOW_END = 16.0
 CASES_TOGETHER = 32
 """Cases of one piece of parallel work."""
 COMMAND = DriverCommand((0.0,), (3.0 / 3.6,))
+MOST_RATIO = 0.97
+"""Largest mu_inf over mu_max."""
 STEP = 5e-5
 """Step [s] of the paper, which is the controller's period here."""
 
@@ -48,7 +53,7 @@ class Unprinted:
     """What the paper does not print."""
 
     residual_ratio: float = PiecewiseCurve().residual_ratio
-    """mu_inf over mu_max."""
+    """mu_inf over mu_max; over that of cases A and B where mu_inf is constant."""
     rise: float = TorqueTable().rise
     """T_u [s]."""
     fall: float = TorqueTable().fall
@@ -57,6 +62,16 @@ class Unprinted:
     """tau [s] of the pseudo-differentiator."""
     unit: Unit = "km/h/s"
     """Unit of a_0 and a_w."""
+    constant: bool = False
+    """Whether mu_inf is what it is in cases A and B at every mu_max, instead of proportional to mu_max."""
+
+    @property
+    def curve(self) -> PiecewiseCurve:
+        """The adhesion curve. A constant mu_inf is at most `MOST_RATIO` of mu_max: below it there is no peak."""
+        if not self.constant:
+            return PiecewiseCurve(residual_ratio=self.residual_ratio)
+        constant = self.residual_ratio * CASE_A.limit
+        return PiecewiseCurve(residual_ratio=MOST_RATIO, constant_residual=constant)
 
     def table(self, margin: float, width: float) -> TorqueTable:
         """The controller for a_0 and a_w in the paper's numbers."""
@@ -107,7 +122,7 @@ def run_cases(
     With `recovers` the rail is that of Table 2 until its end at 15 s. Without, it stays low until 16 s, as the criterion
     of readhesion possibility needs; both are the same until 14 s.
     """
-    curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
+    curve = unprinted.curve
     if top_curvature is not None:
         curve = replace(curve, top_curvature=top_curvature)
     until = RECOVERY if recovers else 2.0 * LOW_END
@@ -115,6 +130,42 @@ def run_cases(
     tables = [unprinted.table(case.margin, case.width) for case in cases]
     end = END if recovers else LOW_END
     return simulate_tables(find_set("one-axle"), rails, tables, COMMAND, BEGIN, end, step)
+
+
+DRY = 0.35
+"""Adhesion coefficient of the dry rail, on which no wheel slips. Assumed: about 0.3, Nagase as the paper cites it."""
+GRADIENTS = tuple(5.0 * k - 35.0 for k in range(8))
+"""Gradients [per mille] of the downhill runs; Japanese main lines have up to 35."""
+HILL_END, SETTLED_FROM = 20.0, 12.0
+"""Instants [s] between which the torque that remains is averaged: the torque has risen for six T_u."""
+
+
+def downhill(
+    unprinted: Unprinted, margins: Sequence[float] = PAPER_MARGINS, step: float = STEP
+) -> pd.DataFrame:
+    """What the table leaves of the commanded torque downhill, on a dry rail: a row per a_0 (its own unit) and gradient.
+
+    `kept`: mean torque over the plan. `gravity` [m/s2]: what gravity adds to the commanded acceleration, g sin(slope)
+    M/(M + J/r2). `expected`: share at which the table comes to rest, 1 - (gravity - a_0)/(commanded + a_w) where gravity
+    exceeds a_0. `slip`: largest slip velocity over that of the curve's peak.
+    """
+    train, rail = find_set("one-axle"), Rail(DRY, curve=unprinted.curve)
+    cases = list(product(margins, GRADIENTS))
+    tables = [unprinted.table(margin, CASE_A.width) for margin, _ in cases]
+    grades = [1e-3 * gradient for _, gradient in cases]
+    runs = simulate_tables(
+        train, [rail] * len(cases), tables, COMMAND, 0.0, HILL_END, step, grades=grades
+    )
+    s = build(train, rail).structure
+    mass, turning = float(s.body_mass[0]), float(s.inertia[0] / s.radius[0] ** 2)
+    settled = runs.time >= SETTLED_FROM
+    found = pd.DataFrame(cases, columns=["margin", "gradient"])
+    found["kept"] = runs.torque[settled].mean(axis=0) / runs.plan
+    found["gravity"] = -gradient_force(mass, np.array(grades)) / (mass + turning)
+    excess = found["gravity"] - [table.margin for table in tables]
+    found["expected"] = 1.0 - (excess / (COMMAND.accelerations[0] + tables[0].width)).clip(0.0, 1.0)
+    found["slip"] = (runs.slip / runs.peak_slip).max(axis=0)
+    return found
 
 
 def signals_of(runs: TableRuns) -> Signals:

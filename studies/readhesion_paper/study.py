@@ -19,12 +19,17 @@ from studies.readhesion_paper.calibration import CALIBRATION_STEP, MEMBERS, case
 from studies.readhesion_paper.findings import BOUNDS, CLAIMS, Finding, grid_findings
 from studies.readhesion_paper.paper import (
     CALIBRATED,
+    CASE_A,
+    GRADIENTS,
     PAPER_LIMITS,
     PAPER_MARGINS,
     PAPER_WIDTHS,
     RIVAL,
     STEP,
+    UNITS,
+    Unit,
     Unprinted,
+    downhill,
 )
 
 # Statements of the sweep `readhesion`: the paper's findings one by one, and the result of this plant's reading of them.
@@ -55,7 +60,19 @@ PARABOLA = Claim(
     "shift", AT_MOST, SETTLED_BELOW, exact=True, reason="a step of the paper's grid leaves its figures as they are",
     method=f"narrow enough for mu_max 0.02 against as wide as can be; bound of the shift {SETTLED_BELOW:g}; {METHOD}",
 )  # fmt: skip
-STATED = (*FOUND.values(), LIMIT_EXISTS, PARABOLA, *BOUNDS.values())
+DOWNHILL = Claim(
+    "downhill",
+    f"a_0 needs room downhill: with that of case A the table takes torque off a wheel that does not slip, at up to "
+    f"{-min(GRADIENTS):g} per mille",
+    "taken", AT_LEAST, 0.01, exact=True, reason="section 4; a point of the torque is felt",
+    cases=(
+        Claim("no wheel slips", mean="slip", side=AT_MOST, value=0.99, exact=True, reason="below the curve's peak"),
+        Claim("what remains is what table and gravity leave at rest", mean="off", side=AT_MOST, value=0.01, exact=True,
+              reason="as above"),
+    ),
+    method="no randomness: mean torque of a run, when it has settled; gravity's part: g sin(slope) M/(M + J/r2)",
+)  # fmt: skip
+STATED = (*FOUND.values(), LIMIT_EXISTS, PARABOLA, DOWNHILL, *BOUNDS.values())
 """What is claimed, and the bounds that decide the findings."""
 
 
@@ -79,7 +96,31 @@ def readhesion_statements(table: pd.DataFrame, printed: str, narrow: str) -> lis
         ),
         _limit_exists(limits[printed]),
         _parabola(findings[printed], narrow_below, findings[narrow], limits[printed], limits[narrow]),
+        in_both_units(_downhill(table, UNIT_IN_USE), {RIVAL.unit: [_downhill(table, RIVAL.unit)]}),
     ]  # fmt: skip
+
+
+def _downhill(table: pd.DataFrame, unit: Unit) -> Statement:
+    """The paper's closing remark on a_0, and which a_0 and which gradient it means."""
+    rows = table[(table["part"] == "downhill") & (table["read_in"] == unit)]
+    kept = rows.set_index(["margin", "gradient"])["kept"].astype(float)
+    steep, most, of_a = min(GRADIENTS), rows["margin"].max(), CASE_A.margin
+    off = float((rows["kept"] - rows["expected"]).abs().max())
+    found = {
+        "taken": 1.0 - float(rows["kept"][rows["margin"] == of_a].min()),
+        "slip": rows["slip"].max(),
+        "off": off,
+    }
+    numbers = {
+        f"a_0 that {-steep:g} per mille needs": rows["gravity"].max() / UNITS[unit],
+        f"kept at {-steep:g} per mille with a_0 0": kept[0.0, steep],
+        f"kept at {-steep:g} per mille with a_0 of case A": kept[of_a, steep],
+        f"kept at {-steep:g} per mille with the paper's largest a_0": kept[most, steep],
+        "kept at 25 per mille with a_0 of case A": kept[of_a, -25.0],
+        "largest slip over that of the peak": found["slip"],
+        "largest difference from the share at rest": off,
+    }
+    return conjunction(pd.DataFrame([found]), DOWNHILL, numbers=numbers, least_events=1)
 
 
 def _of_a_set(rows: pd.DataFrame) -> dict[str, Statement]:
@@ -199,6 +240,10 @@ def cells(
         ),
         Task("cases A and B", case_rows, (unprinted, step), (("part", "case"),)),
         *(
+            Task(f"downhill/{one.unit}", downhill_rows, (one, step), (("part", "downhill"), ("read_in", one.unit)))
+            for one in (unprinted, RIVAL)
+        ),
+        *(
             Task(
                 f"member/{unit}/{k}", member_rows, (one, *grid, _step(step, one)),
                 (("unit", unit), ("member", k)),
@@ -207,6 +252,12 @@ def cells(
             for k, one in enumerate(sets[:events])
         ),
     ]  # fmt: skip
+
+
+def downhill_rows(unprinted: Unprinted, step: float) -> list[dict[str, Any]]:
+    """Rows of `studies.readhesion_paper.paper.downhill`."""
+    rows = downhill(unprinted, step=step).to_dict("records")
+    return [{str(name): value for name, value in row.items()} for row in rows]
 
 
 def _step(step: float, one: Unprinted) -> float:

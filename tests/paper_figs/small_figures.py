@@ -82,7 +82,7 @@ TABLES = {
     **dict.fromkeys(("claim-verdicts", "claim-verdicts-search"), (lambda: claim_table(60),)),
     "adhesion-curve": (), "open-rails": (),
     **dict.fromkeys(("slide-pareto", "slide-electric"), (slide_table,)),
-    **dict.fromkeys(("margin-sweep", "width-sweep"), (sweep_table,)),
+    **dict.fromkeys(("margin-sweep", "width-sweep", "downhill"), (sweep_table,)),
     "blended": (blended_table,), "sanders": (sander_table,),
 }  # fmt: skip
 """Figures that have a picture, and what makes their tables."""

@@ -336,6 +336,17 @@ law("margin-sweep")(partial(it_shows_what_readheres_in_both_units, of_margin=Tru
 law("width-sweep")(partial(it_shows_what_readheres_in_both_units, of_margin=False))
 
 
+@law("downhill")
+def it_shows_the_torque_that_remains_in_both_units(figure):
+    rows = sweep_table()[lambda t: t["part"] == "downhill"]
+    for axes, (_, own) in zip(figure.axes, rows.groupby("read_in", sort=False), strict=True):
+        kept = own.sort_values(["margin", "gradient"])["kept"].to_numpy()
+        for drawn in (axes.get_lines()[::2], axes.get_lines()[1::2]):
+            np.testing.assert_allclose(
+                np.concatenate([data(line)[1] for line in drawn]), 100.0 * kept
+            )
+
+
 def test_a_sweep_shows_between_which_limits_the_members_lie():
     table = sweep_table()
     chosen = (table["unit"] == "m/s2") & (table["member"] == 1)

@@ -50,6 +50,7 @@ CURVES = {
     "piecewise": PiecewiseCurve(),
     "piecewise-flat-tail": PiecewiseCurve(macro_slope=1e-3, residual_ratio=0.0),
     "piecewise-steep-tail": PiecewiseCurve(macro_slope=2.0, residual_ratio=0.95),
+    "piecewise-constant-residual": PiecewiseCurve(residual_ratio=0.97, constant_residual=0.05),
     "polach-dry": POLACH_DRY,
     "polach-wet": POLACH_WET,
     "polach-by-friction": PolachByFrictionCurve(),
@@ -92,6 +93,17 @@ def test_published_points_of_the_piecewise_curve():
     limit, top = curve.limit(peak)
     assert (float(limit), float(top)) == pytest.approx((0.18, 0.036 + 5.0 / 160.0))
     assert float(curve.coefficient(100.0, peak)) == pytest.approx(0.9 * 0.18, rel=1e-6)
+
+
+@once
+@given(peak=st.floats(0.02, 1.0), slip=st.floats(-20.0, 20.0))
+def test_a_constant_residual_is_another_ratio_at_every_peak(peak, slip):
+    curve = PiecewiseCurve(residual_ratio=0.97, constant_residual=0.1)
+    same = PiecewiseCurve(residual_ratio=min(0.97, 0.1 / peak))
+    assert float(curve.coefficient(slip, peak)) == pytest.approx(
+        float(same.coefficient(slip, peak)), rel=1e-12
+    )
+    assert curve.residual(peak) == pytest.approx(float(curve.coefficient(1e4, peak)), rel=1e-12)
 
 
 def test_polach_initial_slope():

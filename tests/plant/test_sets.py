@@ -291,6 +291,10 @@ FAULTS = [
     (Receptivity, {"phase": NAN}, "phase"),
     (PiecewiseCurve, {"residual_ratio": 1.0}, "residual_ratio"),
     (PiecewiseCurve, {"residual_ratio": NAN}, "residual_ratio"),
+    *[
+        (PiecewiseCurve, {"constant_residual": v}, "constant_residual")
+        for v in (0.0, -0.1, NAN, INF)
+    ],
     *[(PiecewiseCurve, {n: 0.0}, n) for n in ("micro_slope", "top_curvature", "macro_slope")],
     *[(PolachCurve, {n: NAN}, n) for n in ("adhesion_factor", "slip_factor", "creep_stiffness")],
     *[(PolachCurve, {n: -1.0}, n) for n in ("decay", "ratio_at_infinity")],

@@ -33,7 +33,7 @@ from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sensors, 
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.operations import WIDTH
-from alloc.plant.rail import Patch, Rail
+from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import Motors, TorqueLimit
 from alloc.records import ByReference, address_of, stored_at
@@ -455,6 +455,9 @@ COMMAND = DriverCommand((0.5,), (3.0 / 3.6,))
 PERIOD, END = 2e-4, 6.0
 
 
+GRADES = (0.0, -0.02, 0.01)
+
+
 TABLES = (TorqueTable(), TorqueTable(width=0.8 / 3.6), TorqueTable(margin=0.0, rise=1.0, fall=0.1))
 
 
@@ -475,7 +478,7 @@ def rails():
 
 @pytest.fixture(scope="module")
 def lanes(one_axle, rails):
-    return simulate_tables(one_axle, rails, TABLES, COMMAND, 0.0, END, PERIOD)
+    return simulate_tables(one_axle, rails, TABLES, COMMAND, 0.0, END, PERIOD, grades=GRADES)
 
 
 @looped("lane", range(len(TABLES)))
@@ -483,9 +486,8 @@ def test_a_lane_is_a_run(one_axle, rails, lanes, lane):
     # who knows the speed takes no torque to learn it
     known = ReferenceSpeed(source="truth")
     onboard = Onboard(period=PERIOD, rise_time=PERIOD, table=TABLES[lane], reference=known)
-    event = Event(
-        "lane", build(one_axle, rails[lane]), COMMAND, onboard, END, step=PERIOD, record_period=1e-3
-    )
+    model = build(one_axle, rails[lane], Line(grades=GRADES[lane : lane + 1]))
+    event = Event("lane", model, COMMAND, onboard, END, step=PERIOD, record_period=1e-3)
     run = simulate(event, "alone", "table")
     assert run["slip_velocity"].values.max() > 2.0 * run["peak_slip"].values.min(), "must slip"
     for name, values, scale in (

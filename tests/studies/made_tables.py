@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,13 @@ from studies.patent.learning_study import ARMS, KINDS
 from studies.readhesion_paper import study as readhesion
 from studies.readhesion_paper.calibration import NOT_ASKED_OF_ALL, RANGES, draw, grid_tables
 from studies.readhesion_paper.findings import CLAIMS
-from studies.readhesion_paper.paper import PAPER_LIMITS, PAPER_MARGINS, PAPER_WIDTHS, UNITS
+from studies.readhesion_paper.paper import (
+    GRADIENTS,
+    PAPER_LIMITS,
+    PAPER_MARGINS,
+    PAPER_WIDTHS,
+    UNITS,
+)
 from studies.slides.electric import STOPS, electric_tasks
 from studies.slides.ensemble_study import NOISES
 from studies.slides.jp4209318 import CALIBRATED, TABLE_3, TABLE_4
@@ -138,7 +145,7 @@ def index_rows(limit=limit_of, limits=PAPER_LIMITS) -> pd.DataFrame:
 def sweep_table(narrow_limit=limit_of, monotone: bool = True) -> pd.DataFrame:
     """A whole table of the sweep `readhesion`; the narrow parabola may have limits of its own.
 
-    Two members in each unit do as the set in use does.
+    Two members in each unit do as the set in use does. Downhill a_0 of case A lacks room in both units.
     """
     parts: list[pd.DataFrame] = []
     for name, limit in ((readhesion.PRINTED, limit_of), (readhesion.NARROW, narrow_limit)):
@@ -165,7 +172,13 @@ def sweep_table(narrow_limit=limit_of, monotone: bool = True) -> pd.DataFrame:
         for k in range(2)
         for part in printed
     ]
-    return pd.concat(parts, ignore_index=True)
+    hills = pd.DataFrame(
+        product(UNITS, PAPER_MARGINS, GRADIENTS), columns=["read_in", "margin", "gradient"]
+    )
+    gravity = -0.04 * hills["gradient"]
+    kept = 1.0 - 0.3 * (gravity - hills["margin"]).clip(lower=0.0)
+    hills = hills.assign(part="downhill", gravity=gravity, kept=kept, expected=kept, slip=0.3)
+    return pd.concat([*parts, hills], ignore_index=True)
 
 
 def calibration_table(samples: int = 40) -> pd.DataFrame:

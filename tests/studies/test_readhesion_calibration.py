@@ -118,6 +118,15 @@ def test_every_stage_comes_nearer_to_the_best(stub, tmp_path):
     pd.testing.assert_frame_equal(again.drop(columns="wall_time"), table.drop(columns="wall_time"))
 
 
+def test_under_the_other_reading_every_set_is_read_so(monkeypatch, tmp_path):
+    seen = []
+    monkeypatch.setattr(calibration, "row_of", lambda one: seen.append(one) or in_a_ball(one))
+    table = CALIBRATION.run(tmp_path, 60, refinements=5, constant=True)
+    assert all(one.constant for one in seen)
+    assert set(table["stage"]) == {"assumed", "shipped", "wide", "near", "refined", "sampled"}
+    assert (table["stage"] == "shipped").sum() == sum(len(sets) for sets in MEMBERS.values())
+
+
 def test_the_best_is_among_those_that_fulfil():
     table = calibration_table()
     good = fulfilling(table)

@@ -41,6 +41,7 @@ from studies.readhesion_paper.paper import (
     DROP,
     PAPER_LIMITS,
     RECOVERY,
+    RIVAL,
     Case,
     Unprinted,
     assess,
@@ -50,6 +51,7 @@ from studies.readhesion_paper.paper import (
     signals_of,
     slip_spans,
 )
+from tests.cases import looped
 from tests.plant.numpy_plant import compiled_rate
 from tests.studies.made_tables import index_rows, limit_of
 
@@ -72,6 +74,20 @@ def test_a_case_depends_neither_on_its_company_nor_on_what_the_rail_does_later(l
     np.testing.assert_allclose(low.peak[-1], 0.12)
     alone = run_cases(CALIBRATED, [CASE_B], step=COARSE)
     np.testing.assert_array_equal(alone.slip[:, 0], low.slip[:, 1])
+
+
+@looped("one", [CALIBRATED, RIVAL])
+def test_cases_a_and_b_do_not_tell_a_constant_mu_inf_from_a_proportional_one(one):
+    """Both have mu_lim 0.12; at another one the curves differ beyond the peak alone."""
+    cases = [CASE_A, CASE_B]
+    either = [run_cases(replace(one, constant=c), cases, step=COARSE) for c in (False, True)]
+    found, other = (case_findings(runs) for runs in either)
+    assert {name: f.met for name, f in found.items()} == {name: f.met for name, f in other.items()}
+    both = one.curve, replace(one, constant=True).curve
+    for peak in (0.16, 0.08):
+        micro, macro = (curve.coefficient([0.01, 5.0], peak) for curve in both)
+        assert micro[0] == macro[0]
+        assert (macro[1] < micro[1]) == (peak > CASE_A.limit)
 
 
 def test_numbers_in_another_unit_are_another_table():

@@ -8,6 +8,7 @@ from studies.core.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
 from studies.core.study import find_study
 from studies.readhesion_paper import study
 from studies.readhesion_paper.findings import CLAIMS
+from studies.readhesion_paper.paper import GRADIENTS, PAPER_MARGINS, UNITS
 from studies.readhesion_paper.study import NARROW, PRINTED, READHESION
 from tests.studies.made_tables import limit_of, sweep_table
 
@@ -54,8 +55,8 @@ def test_what_a_folder_holds_is_not_run_again(tmp_path, monkeypatch):
     told = []
     whole = READHESION.run(tmp_path, 1, on_row=lambda *row: told.append(row))
     assert told[1:] == [
-        (PRINTED, 2, 5), (NARROW, 3, 5), ("member/km/h/s/0", 4, 5), ("member/m/s2/0", 5, 5),
-    ]  # fmt: skip  # the cases know no widths
+        (PRINTED, 4, 7), (NARROW, 5, 7), ("member/km/h/s/0", 6, 7), ("member/m/s2/0", 7, 7),
+    ]  # fmt: skip  # cases and hills know no widths
     assert READHESION.held(tmp_path) == 1
     pd.testing.assert_frame_equal(READHESION.run(tmp_path, 1), whole)
     assert len(asked) == 8
@@ -65,7 +66,7 @@ def test_what_a_folder_holds_is_not_run_again(tmp_path, monkeypatch):
 
 def test_every_finding_has_its_statement(swept):
     found = {statement.name: statement for statement in READHESION.statements(swept)}
-    assert set(CLAIMS) | {"limit exists", "parabola"} == set(found)
+    assert set(CLAIMS) | {"limit exists", "parabola", "downhill"} == set(found)
     assert {statement.verdict for statement in found.values()} <= set(VERDICTS)
     assert find_study("readhesion") is READHESION
 
@@ -102,6 +103,22 @@ def test_a_parabola_that_matters_is_said_to():
     lower = parabola(lambda m, w: limit_of(m, w) if w < 0.59 else 0.148)
     assert lower.verdict == FAILS
     assert "not the same, narrow there: wide never" in lower.conditions
+
+
+def test_room_downhill_is_what_gravity_adds(swept):
+    """a_0 as large as gravity's part keeps the torque; each unit less costs 1/(commanded + a_w) of it."""
+    rows = swept[swept["part"] == "downhill"].astype({"margin": float, "kept": float})
+    assert len(rows) == len(UNITS) * len(PAPER_MARGINS) * len(GRADIENTS)
+    for unit, own in rows.groupby("read_in"):
+        sine = np.sin(np.arctan(-1e-3 * own["gradient"].to_numpy(dtype=float)))
+        room = own["margin"] * UNITS[unit] - 9.80665 * sine / (1.0 + 155.01 / 0.43**2 / 20e3)
+        asked = 3.0 / 3.6 + 0.2 * UNITS[unit]
+        np.testing.assert_allclose(own["kept"], 1.0 + np.minimum(room / asked, 0.0), atol=2e-3)
+        assert own["slip"].max() < 0.5
+    room = sweep_table()
+    room.loc[room["part"] == "downhill", ["kept", "expected"]] = 1.0
+    found = {statement.name: statement for statement in READHESION.statements(room)}["downhill"]
+    assert found.verdict == FAILS
 
 
 def test_a_finding_of_one_unit_alone_holds_with_conditions():
