@@ -17,8 +17,9 @@ from typing import Any
 
 import numba
 from numba.core.caching import Cache
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompileResult
-from numba.core.dispatcher import Dispatcher
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
@@ -69,11 +70,66 @@ class _Kernels(Cache):
             keep(self._key(sig, data.codegen), dumps(data._reduce()))
 
 
+class _Linked(JITCodeLibrary):
+    """Code that is linked into what calls it and optimised there: by itself it gets no passes and no machine code."""
+
+    class codegen:
+        """What gives machine code the objects that it refers to."""
+
+        @staticmethod
+        def set_env(*_: Any) -> None:
+            """There is none that would look for them."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        return 0
+
+
+class _Entry(CPUDispatcher):
+    """A compiled function that Python calls: of all that is compiled for it, it alone becomes machine code."""
+
+    __slots__ = ()
+
+    def compile(self, sig: Any) -> Any:
+        own, codegen = self.py_func.__qualname__, self.targetctx.codegen()
+
+        def library(codegen: Any, name: str) -> Any:
+            return (JITCodeLibrary if name == own else _Linked)(codegen, name)
+
+        library._unserialize = JITCodeLibrary._unserialize  # of what is kept
+        with global_compiler_lock:
+            before, codegen._library_class = codegen._library_class, library
+            try:
+                return super().compile(sig)
+            finally:
+                codegen._library_class = before
+
+
+class _Part(CPUDispatcher):
+    """A compiled function without the wrapper for calls from Python, without which Numba calls address 0."""
+
+    __slots__ = ()
+
+    def __call__(self, *_: Any, **__: Any) -> Any:
+        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+        raise TypeError(
+            f"{name} is a part of compiled code: call it from a function under numba.njit"
+        )
+
+
 def compiled(function: Any, signature: Any = None, **options: Any) -> Any:
     """`numba.njit` with our cache; with a `signature` it is compiled, or loaded, at once and for no other."""
     dispatcher = numba.njit(**options)(function)
-    if isinstance(dispatcher, Dispatcher):  # else compiling is switched off
-        dispatcher._cache = _Kernels(function)  # type: ignore[attr-defined]
+    if isinstance(dispatcher, CPUDispatcher):  # else compiling is switched off
+        dispatcher.__class__ = _Entry
+        dispatcher._cache = _Kernels(function)
         if signature is not None:
             dispatcher.compile(signature)
             dispatcher.disable_compile()
@@ -104,25 +160,13 @@ def jit(function: Any) -> Any:
     return compiled(function, **_COMPILED)
 
 
-class _Part(CPUDispatcher):
-    """A compiled function without the wrapper for calls from Python, without which Numba calls address 0."""
-
-    __slots__ = ()
-
-    def __call__(self, *_: Any, **__: Any) -> Any:
-        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
-        raise TypeError(
-            f"{name} is a part of compiled code: call it from a function under numba.njit"
-        )
-
-
 def inlined_jit(function: Any) -> Any:
     """Decorator of a part of a compiled loop that is called from one or two places.
 
     The compiler then sees the whole of a step, and keeps in registers what its parts share. No wrapper for calls from Python
     is made, for nobody makes any: such a call raises `TypeError`.
     """
-    part = compiled(function, **_COMPILED, forceinline=True, no_cpython_wrapper=True)
+    part = numba.njit(**_COMPILED, forceinline=True, no_cpython_wrapper=True)(function)
     if isinstance(part, CPUDispatcher):
         part.__class__ = _Part
     return part
