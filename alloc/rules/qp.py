@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, partial
 
@@ -86,12 +87,14 @@ class Workspace:
 
 
 @lru_cache(maxsize=256)
-def workspace(kind: type[Workspace], n: int) -> Workspace:
+def workspace(kind: Callable[[int], Workspace], n: int) -> Workspace:
     """The workspace of n units, set up on first use."""
     return kind(n)
 
 
-def answer_by(kind: type[Workspace], name: str, problem: AllocationProblem) -> Allocation:
+def answer_by(
+    kind: Callable[[int], Workspace], name: str, problem: AllocationProblem
+) -> Allocation:
     """Limits by a solver; where they are not certified, the exact ones, and the status says so under the rule's `name`."""
     with ONE_AT_A_TIME:
         work = workspace(kind, problem.n)
@@ -171,7 +174,10 @@ PRIMAL_TOLERANCE = 1e-11
 
 
 class DaqpProblem(Workspace):
-    """The problem for DAQP, a dual active-set method (Arnstroem, Bemporad, Axehall 2022, IEEE Trans. Automatic Control 67)."""
+    """The problem for DAQP, a dual active-set method.
+
+    Source: Arnstroem, Bemporad, Axehall, IEEE Transactions on Automatic Control 67 (2022), 4362-4369.
+    """
 
     def __init__(self, n: int) -> None:
         self.daqp = import_solver("daqp", "qp-daqp")

@@ -155,7 +155,9 @@ def test_unknown_rule_is_refused_with_the_nearest_name(name, near):
         find_rule(name)
 
 
-@pytest.mark.parametrize(("rule", "module"), [("qp", "osqp"), ("qp-daqp", "daqp"), ("qp-cvxpy", "cvxpy")])
+@pytest.mark.parametrize(
+    ("rule", "module"), [("qp", "osqp"), ("qp-daqp", "daqp"), ("qp-cvxpy", "cvxpy")]
+)
 def test_missing_solver_is_named(rule, module, monkeypatch):
     qp.workspace.cache_clear()
     monkeypatch.setitem(sys.modules, module, None)

@@ -61,8 +61,12 @@ def test_level_of_many_units_is_that_of_the_plain_scan_in_time_near_linear():
     for few, many in zip(caps(512), caps(4096), strict=True):
         front = int(np.argmax(few >= EXPECTED))
         enough = np.cumsum(EXPECTED - few[:front])[-1] * (1 - 1e-12) if front else 0.0
-        sums = ((one, np.cumsum(np.minimum(few[front:], one) - EXPECTED)[-1]) for one in few[front:])
-        assert description_level(few, EXPECTED) == next(one for one, large in sums if large >= enough)
+        sums = (
+            (one, np.cumsum(np.minimum(few[front:], one) - EXPECTED)[-1]) for one in few[front:]
+        )
+        assert description_level(few, EXPECTED) == next(
+            one for one, large in sums if large >= enough
+        )
         # eight times the units: quadratic would be 64 times
         assert least_time(many) < 14 * least_time(few)
 
