@@ -106,17 +106,17 @@ def answer_by(
 SETTINGS = {
     "eps_abs": 1e-9,
     "eps_rel": 1e-9,
-    # as every curvature is one, a step size of one without relaxation takes the fewest iterations
-    "rho": 1.0,
-    "alpha": 1.0,
+    "rho": 2.0,
+    "alpha": 1.45,
     "check_termination": 10,
     "warm_starting": False,
     # the bounds always allow a solution; a tight box must not look like none
     "eps_prim_inf": 1e-15,
     "eps_dual_inf": 1e-15,
 }
-"""Settings of OSQP: tolerances that distinguish the active bounds. Without warm start the answer does not depend on the
-previous problem."""
+"""Settings of OSQP: tolerances that distinguish the active bounds, and a step size and relaxation that suit problems of caps,
+unequal masses and rates of change alike. With both at one, caps alone take half the time, but limits of 64 units that may
+change little take up to nine times. Without warm start the answer does not depend on the previous problem."""
 
 
 class OsqpProblem(Workspace):
