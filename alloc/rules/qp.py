@@ -114,9 +114,9 @@ SETTINGS = {
     "eps_prim_inf": 1e-15,
     "eps_dual_inf": 1e-15,
 }
-"""Settings of OSQP: tolerances that distinguish the active bounds, and a step size and relaxation that suit problems of caps,
-unequal masses and rates of change alike. With both at one, caps alone take half the time, but limits of 64 units that may
-change little take up to nine times. Without warm start the answer does not depend on the previous problem."""
+"""Settings of OSQP: tolerances that distinguish the active bounds, and a step size and relaxation that suit problems of
+caps, unequal masses and rates of change alike. With both at one, caps alone take half the time, but limits of 64 units that
+may change little take up to nine times. Without warm start the answer does not depend on the previous problem."""
 
 
 class OsqpProblem(Workspace):
