@@ -155,7 +155,7 @@ PACKAGES = ("alloc", "mpc", "studies")
 """Packages whose imports are followed; to them comes the package of each module that is asked for."""
 DATA = (".toml", ".csv")
 """Endings of data files; one counts where its name, or its name without the ending, stands as a string in a source."""
-LIBRARIES = ("numpy", "numba", "llvmlite", "casadi", "osqp", "cvxpy")
+LIBRARIES = ("numpy", "numba", "llvmlite", "casadi", "osqp", "daqp", "cvxpy")
 """Installed packages whose versions count."""
 PLUGIN_PREFIX = "readhesion_plugin_"
 """Beginning of the names of modules that plug-in files become."""

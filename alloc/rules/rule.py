@@ -191,7 +191,7 @@ RULES: Registry[Rule] = Registry(
     "rule", "readhesion.rules", AllocationError, "alloc.rules",
     (
         "alone", "preset", "sharing", "greedy", "greedy-printed", "greedy-literal", "greedy-tuned", "greedy-claim", "exact",
-        "qp", "qp-cvxpy", "qp-robust", "cooperative", "oracle",
+        "qp", "qp-daqp", "qp-cvxpy", "qp-robust", "cooperative", "oracle",
     ),
 )  # fmt: skip
 """Every rule by name: those of the prior art, the patent's, exact ones, and the one that knows the truth."""

@@ -63,7 +63,7 @@ def compare(
         Names of shipped scenarios or paths of TOML files [default: all that ship except those of
         faults].
     rules
-        Allocation rules [default: all but qp-cvxpy].
+        Allocation rules [default: all but qp-daqp, qp-cvxpy and qp-robust].
     controllers
         Readhesion controllers [default: cut-and-ramp, perturb-observe, and mpc on the first seed].
     seeds

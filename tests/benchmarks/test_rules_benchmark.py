@@ -102,7 +102,7 @@ def best_of(call, rounds):
 
 
 def test_exact_is_faster_than_the_solvers():
-    # the margins measured are ten times these (see README); they guard the order of magnitude, within one run
+    # the margins measured are three and five times these (docs/limits.md); they guard the order of magnitude, within one run
     problems = sequence(16)
     took = {}
     for rule, rounds in (("exact", 20), ("qp", 20), ("qp-cvxpy", 2)):

@@ -17,7 +17,7 @@ ROUNDING = 1e-11
 
 
 PROMISED = {
-    "exact": {"exact", "qp", "qp-cvxpy", "qp-robust", "cooperative", "oracle"},
+    "exact": {"exact", "qp", "qp-daqp", "qp-cvxpy", "qp-robust", "cooperative", "oracle"},
     "reference": {"greedy", "greedy-printed", "greedy-literal", "greedy-tuned"},
     "heuristic": {"alone", "preset", "sharing", "greedy-claim"},
 }

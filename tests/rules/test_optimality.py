@@ -4,6 +4,7 @@ import math
 import os
 import signal
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -152,7 +153,9 @@ def test_worst_is_the_largest_residual():
 FULL = bool(os.environ.get("READHESION_FULL"))
 
 
-COUNTS = {"qp": (2000, 100_000), "qp-robust": (1000, 100_000), "qp-cvxpy": (100, 1000)}
+COUNTS = {
+    "qp": (2000, 100_000), "qp-daqp": (2000, 100_000), "qp-robust": (1000, 100_000), "qp-cvxpy": (100, 1000),
+}  # fmt: skip
 
 
 """Rule -> problems by default, and with READHESION_FULL=1."""
@@ -281,10 +284,10 @@ def test_a_wrong_active_set_is_refused():
 def test_an_interrupt_during_a_solve_reaches_python(monkeypatch):
     problem = AllocationProblem([0.1, 0.2, 0.3], 0.17)
     find_rule("qp")(problem)
-    work = qp.workspace(3)
+    work = qp.workspace(qp.OsqpProblem, 3)
     info = SimpleNamespace(status_val=work.interrupted, status="interrupted", rho_updates=0)
-    result = SimpleNamespace(info=info, x=np.zeros(3), y=np.zeros(4))
-    monkeypatch.setattr(work.solver, "solve", lambda raise_error: result)
+    solver = Mock(info=info, solution=SimpleNamespace(x=np.zeros(3), y=np.zeros(4)))
+    monkeypatch.setattr(work, "solver", solver)
     heard = []
     before = signal.signal(signal.SIGINT, lambda *_: heard.append(True))
     try:

@@ -29,6 +29,7 @@ NAMES = [
     "greedy-claim",
     "exact",
     "qp",
+    "qp-daqp",
     "qp-cvxpy",
     "qp-robust",
     "cooperative",
@@ -154,10 +155,11 @@ def test_unknown_rule_is_refused_with_the_nearest_name(name, near):
         find_rule(name)
 
 
-@pytest.mark.parametrize(("rule", "module"), [("qp", "osqp"), ("qp-cvxpy", "cvxpy")])
+@pytest.mark.parametrize(
+    ("rule", "module"), [("qp", "osqp"), ("qp-daqp", "daqp"), ("qp-cvxpy", "cvxpy")]
+)
 def test_missing_solver_is_named(rule, module, monkeypatch):
     qp.workspace.cache_clear()
-    qp.formulation.cache_clear()
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(
         AllocationError, match=f"rule '{rule}' needs '{module}'.*pip install {module}"

@@ -1,6 +1,7 @@
 """Rules against their transcription in fractions, and what the patent promises of both readings of its rule."""
 
 import math
+import time
 from fractions import Fraction
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from alloc.rules import AllocationProblem, find_rule
 from alloc.rules.exact import box_limits, optimality
+from alloc.rules.patent import description_level
 from alloc.rules.rule import Units, units_of
 from alloc.rules.testing import EXPECTED, problems
 from tests.cases import looped
@@ -39,6 +41,34 @@ def test_equals_the_transcription(rule, cap):
     assert answer.case == case
     assert answer.level == float(level)
     assert answer.limit.tolist() == [float(x) for x in limits]
+
+
+def test_level_of_many_units_is_that_of_the_plain_scan_in_time_near_linear():
+    def caps(n):
+        yield np.linspace(0.14, 0.21, n)
+        yield np.random.default_rng(n).uniform(0.1, 0.25, n)
+        yield np.r_[np.full(n // 2, 0.1), np.linspace(EXPECTED, 0.35, n // 2)]
+        yield np.r_[np.full(n // 2, 0.168), EXPECTED + np.geomspace(1e-6, 0.06, n // 2)]
+
+    def least_time(cap):
+        times = []
+        for _ in range(30):
+            started = time.thread_time_ns()
+            description_level(cap, EXPECTED)
+            times.append(time.thread_time_ns() - started)
+        return min(times)
+
+    for few, many in zip(caps(512), caps(4096), strict=True):
+        front = int(np.argmax(few >= EXPECTED))
+        enough = np.cumsum(EXPECTED - few[:front])[-1] * (1 - 1e-12) if front else 0.0
+        sums = (
+            (one, np.cumsum(np.minimum(few[front:], one) - EXPECTED)[-1]) for one in few[front:]
+        )
+        assert description_level(few, EXPECTED) == next(
+            one for one, large in sums if large >= enough
+        )
+        # eight times the units: quadratic would be 64 times
+        assert least_time(many) < 14 * least_time(few)
 
 
 @given(cap=growing)
