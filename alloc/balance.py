@@ -77,7 +77,7 @@ def check_run(model: Model, record: PlantRecord, run: xr.Dataset) -> None:
     """
     s, time = model.structure, record.time
     # what is recorded of axles follows from these, and takes ten times as long to look through
-    parts = {"the state": record.state, "the rail's coefficient": record.peak}
+    parts = {"the state": record.state, "the rail's coefficient": record.noted.peak}
     parts |= {
         str(name): np.asarray(variable.values)
         for name, variable in run.variables.items()

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.compilation import equation, inlined_jit, jit
+from alloc.compilation import inlined_jit, jit
 from alloc.onboard.brakes import (
     brake_receiver,
     command_sand,
@@ -65,22 +65,27 @@ def record_computers(plant, eq, st, m, commanded, k, record):
         record.slide_reference[k, c] = m.reference[min(c, m.reference.size - 1)]
 
 
-@equation
+@inlined_jit
 def record_plant(plant, time, k, record):
     """Write the state at `time` [s] to row `k`."""
     record.time[k] = time
-    for i in range(plant.state.size):
+    for i in range(record.state.shape[1]):
         record.state[k, i] = plant.state[i]
 
 
-@equation
-def record_noted(plant, k, record):
+@inlined_jit
+def record_noted(noted, k, record):
     """Write to row `k` what the plant noted in the step that began there."""
-    noted = plant.workspace.noted
     for i in range(noted.peak.size):
-        record.peak[k, i] = noted.peak[i]
-    for i in range(noted.acceleration.size):
-        record.body_acceleration[k, i] = noted.acceleration[i]
+        record.peak[k, i], record.coefficient[k, i] = noted.peak[i], noted.coefficient[i]
+        record.load[k, i], record.force[k, i] = noted.load[i], noted.force[i]
+        record.brake[k, i] = noted.brake[i]
+    for i in range(noted.shaft.size):
+        record.motor[k, i], record.shaft[k, i] = noted.motor[i], noted.shaft[i]
+    for b in range(noted.acceleration.size):
+        record.acceleration[k, b] = noted.acceleration[b]
+    for b in range(noted.tension.size):
+        record.tension[k, b] = noted.tension[b]
 
 
 # What the rail truly carries: the oracle's knowledge, which nobody on board has.
@@ -298,7 +303,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs
         )
         if recorded:
-            record_noted(plant, k, record.plant)
+            record_noted(plant.workspace.noted, k, record.plant.noted)
         progress.tick[0] += 1
         progress.phase[0] = SENSE
     return NOTHING
@@ -315,12 +320,13 @@ def run_with_driver(plant, timing, progress, record, stop):
         k = tick // timing.record_ticks
         recorded = tick % timing.record_ticks == 0
         if recorded:
-            record_plant(plant, time, k, record)
+            record.time[k], record.state[k] = time, plant.state[: record.state.shape[1]]
         compiled.advance(
             plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs
         )
         if recorded:
-            record_noted(plant, k, record)
+            for values, noted in zip(record.noted, plant.workspace.noted, strict=True):
+                values[k] = noted
         progress.tick[0] += 1
         progress.phase[0] = SENSE
     return NOTHING

@@ -7,6 +7,7 @@ In: a `Workspace`. Out: its state after a step; nothing is allocated. What acts 
 from alloc.compilation import inlined_jit, jit
 from alloc.plant.laws import (
     STICK_SPEED,
+    adhesion_limit,
     axle_load,
     car_drag,
     car_rail_force,
@@ -298,7 +299,9 @@ def _wheels(w, y, slope):
         if axle.pitches:
             carried = gather(c.car_force, axle.car, i)
             normal = axle_load(normal, load(axle.unloading, i), carried)
+            store(c.normal, i, normal)
         force = load(c.mu, i) * normal
+        store(c.force, i, force)
         r, omega = load(axle.radius, i), load(y, row.omega + i)
         gear, torque = load(axle.gear, i), gather(y, axle.torque_row, i)
         turned, stiffness = omega, load(axle.shaft[0], i)
@@ -318,6 +321,8 @@ def _wheels(w, y, slope):
             store(slope, row.twist + i, rate)
             store(slope, row.rotor + i, (motor - shaft) * load(axle.inverse_rotor, i))
             lost = lost + damping * rate * rate
+            store(c.motor, i, motor)
+            store(c.shaft, i, shaft)
             motor = shaft
         limit = spread(0.0)
         if braked:
@@ -332,6 +337,7 @@ def _wheels(w, y, slope):
         shoe, acceleration = wheelset(
             motor, force, r, omega, limit, load(axle.inertia, i), load(axle.inverse_inertia, i)
         )
+        store(c.shoe, i, shoe)
         store(slope, row.omega + i, acceleration)
         power = force * slip_velocity(omega, r, v)
         store(slope, row.friction + i, power)
@@ -366,6 +372,15 @@ def derivative(w, time, y, slope):
         store(slope, w.row.pressure + g, rate)
 
 
+@jit
+def find_limits(kind, curve, peak, speed, contact, limit, slip):
+    """Adhesion limit and the slip velocity [m/s] there of as many axles as make whole blocks, into `limit` and `slip`."""
+    for i in range(0, peak.size, WIDTH):
+        most, top = adhesion_limit(kind, curve, load(peak, i), load(speed, i), load(contact, i))
+        store(limit, i, most)
+        store(slip, i, top)
+
+
 # The plant compiled: a fixed-step integrator, with what acts between steps.
 #
 # Between steps the rail is read and changed (`rail_memory`), and brake commands pass through the cylinders' dead time;
@@ -394,9 +409,18 @@ def unpack(w, y, state):
 
 @inlined_jit
 def _note(w):
-    """Keep the adhesion field and the accelerations of the bodies of the right side just computed."""
-    _copy_part(w.scratch.peak, 0, w.noted.peak, 0, w.size.axles)
-    _copy_part(w.scratch.slope, w.row.speed, w.noted.acceleration, 0, w.size.bodies)
+    """Keep what the right side has just computed and a record shows."""
+    c, noted = w.scratch, w.noted
+    for i in range(w.size.axles):
+        noted.peak[i], noted.coefficient[i] = c.peak[i], c.mu[i]
+        noted.load[i], noted.force[i] = c.normal[i], c.force[i]
+        noted.brake[i] = c.shoe[i] / w.axle.radius[i]
+    for i in range(w.size.shafts):
+        noted.motor[i], noted.shaft[i] = c.motor[i], c.shaft[i]
+    for b in range(w.size.bodies):
+        noted.acceleration[b] = c.slope[w.row.speed + b]
+    for b in range(w.size.bodies - 1):
+        noted.tension[b] = c.tension[WIDTH + b]
 
 
 @inlined_jit
@@ -483,4 +507,4 @@ def advance(w, time, step, steps, state, inputs):
     return inlined_advance(w, time, step, steps, state, inputs)
 
 
-__all__ = ["advance", "inlined_advance", "pack", "unpack", "workspace"]
+__all__ = ["advance", "find_limits", "inlined_advance", "pack", "unpack", "workspace"]
