@@ -61,7 +61,7 @@ def record_computers(plant, eq, st, m, commanded, k, record):
         record.valve[k, g] = plant.inputs.valve[g]
     for s in range(plant.rows.sanders):
         record.sand_rate[k, s] = plant.inputs.sand_rate[s]
-    for c in range(plant.rows.cars):
+    for c in range(record.slide_reference.shape[1]):
         record.slide_reference[k, c] = m.reference[min(c, m.reference.size - 1)]
 
 

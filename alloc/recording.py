@@ -24,7 +24,7 @@ from alloc.event import Event
 from alloc.onboard.increment_learning import Increments, LearningSeries
 from alloc.onboard.state import Counters, TrainMemory, UnitMemory
 from alloc.plant.engine import find_limits
-from alloc.plant.laws import limit_place, slip_velocity, swing_torque
+from alloc.plant.laws import limit_place, swing_torque
 from alloc.plant.model import Floats, Layout, Model
 from alloc.plant.operations import look_up, padded
 from alloc.plant.rail import power_taken
@@ -237,6 +237,9 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
     state, noted = record.state, record.noted
     speed, omega, work = state[:, n.speed], state[:, n.omega], state[:, n.work].T
     share = s.body_mass / s.body_mass.sum()
+    # of what is long-lived the short-lived is made first, so memory peaks lower
+    rim = s.radius * omega
+    slip = rim - (speed if n.bodies == 1 else speed[:, s.axle_body])
     limit, top = _adhesion_limits(model, noted.peak, speed)
     driven = s.axle_unit >= 0
     unit_load, unit_radius = (
@@ -254,8 +257,8 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
         "acceleration": _mean_of_bodies(share, noted.acceleration),
         "car_speed": speed[:, s.car_body],
         "car_acceleration": noted.acceleration[:, s.car_body],
-        "rim_speed": s.radius * omega,
-        "slip_velocity": slip_velocity(omega, s.radius, speed[:, s.axle_body]),
+        "rim_speed": rim,
+        "slip_velocity": slip,
         "coefficient": noted.coefficient,
         "adhesion_limit": limit,
         "peak_slip": top,
@@ -360,7 +363,7 @@ class Record(NamedTuple):
     unit: Floats  # (instants, fields of `UnitMemory`, units)
     train: Floats  # (instants, fields of `TrainMemory`, 1)
     valve: Floats  # (instants, groups)
-    slide_reference: Floats  # (instants, cars)
+    slide_reference: Floats  # (instants, cars); (instants, 0) where cars do not move apart
     sand_rate: Floats  # (instants, sanders)
     learning: (
         Floats  # (instants, fields of `LearningSeries`, units); no instants where nothing is learnt
@@ -374,7 +377,7 @@ class Record(NamedTuple):
             np.zeros((records, len(UnitMemory._fields), n.units)),
             np.zeros((records, len(TrainMemory._fields), 1)),
             np.zeros((records, n.groups)),
-            np.zeros((records, n.cars)),
+            np.zeros((records, n.cars if n.bodies > 1 else 0)),
             np.zeros((records, n.sanders)),
             np.zeros((records if learns else 0, len(LearningSeries._fields), n.units)),
         )
