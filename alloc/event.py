@@ -13,6 +13,7 @@ import numpy as np
 
 from alloc.display import displayed
 from alloc.errors import SimulationError
+from alloc.onboard.equipment import Equipment, equipment
 from alloc.onboard.parameters import Onboard
 from alloc.plant.model import STABLE_STEP, Floats, Model
 
@@ -183,6 +184,11 @@ class Event:
             self.record_period,
         )
         SimulationError.check_order("event", self, "record_period", "duration", equal=True)
+
+    @cached_property
+    def equipment(self) -> Equipment:
+        """What the train's computers believe; raises `OnboardError` where belief and train do not fit."""
+        return equipment(self.model, self.onboard)
 
     @cached_property
     def hash(self) -> str:
