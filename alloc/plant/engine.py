@@ -387,10 +387,11 @@ def find_limits(kind, curve, peak, speed, contact, limit, slip):
 # the right side is in `right_side`.
 
 
-@inlined_jit
-def _copy_part(source, first, target, start, count):
-    for i in range(count):
-        target[start + i] = source[first + i]
+@jit
+def copy_row(source, first, target):
+    """Fill `target` from `source`; compiled once, for wherever it is called is not where time goes."""
+    for i in range(target.size):
+        target[i] = source[first + i]
 
 
 @inlined_jit
@@ -411,16 +412,16 @@ def unpack(w, y, state):
 def _note(w):
     """Keep what the right side has just computed and a record shows."""
     c, noted = w.scratch, w.noted
+    copy_row(c.peak, 0, noted.peak)
+    copy_row(c.mu, 0, noted.coefficient)
+    copy_row(c.normal, 0, noted.load)
+    copy_row(c.force, 0, noted.force)
     for i in range(w.size.axles):
-        noted.peak[i], noted.coefficient[i] = c.peak[i], c.mu[i]
-        noted.load[i], noted.force[i] = c.normal[i], c.force[i]
         noted.brake[i] = c.shoe[i] / w.axle.radius[i]
-    for i in range(w.size.shafts):
-        noted.motor[i], noted.shaft[i] = c.motor[i], c.shaft[i]
-    for b in range(w.size.bodies):
-        noted.acceleration[b] = c.slope[w.row.speed + b]
-    for b in range(w.size.bodies - 1):
-        noted.tension[b] = c.tension[WIDTH + b]
+    copy_row(c.motor, 0, noted.motor)
+    copy_row(c.shaft, 0, noted.shaft)
+    copy_row(c.slope, w.row.speed, noted.acceleration)
+    copy_row(c.tension, WIDTH, noted.tension)
 
 
 @inlined_jit
@@ -476,7 +477,8 @@ def inlined_advance(w, time, step, steps, state, inputs):
     """As `advance`, compiled into the loop that calls it: the classical fourth-order Runge-Kutta method."""
     c = w.scratch
     pack(w, state, c.state)
-    _copy_part(inputs.torque_command, 0, c.command, 0, w.size.units)
+    for j in range(w.size.units):
+        c.command[j] = inputs.torque_command[j]
     for k in range(steps):
         _delay_pneumatics(w, inputs.pressure_target, inputs.valve)
         if w.rail.conditioned or w.rail.sandy:

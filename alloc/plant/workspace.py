@@ -222,6 +222,7 @@ class Scratch(NamedTuple):
     acting: Floats  # (patches,) their weight in time
     decline: Floats  # (bodies,) of the speed law
     peak: Floats  # (axles,)
+    limit: Floats  # (3, axles) speed, adhesion limit and slip velocity there
     mu: Floats  # (axles,) tangential force coefficient
     load: Floats  # (2, axles) of a car's force and unloading, then zeros
     car_force: Floats
@@ -401,6 +402,7 @@ def _scratch(model: Model, row: Rows, step: float) -> Scratch:
         acting=np.zeros(e.patch.factor.size),
         decline=np.zeros(bodies),
         peak=np.zeros(axles),
+        limit=np.zeros((3, axles)),
         mu=np.zeros(axles),
         load=np.zeros((2, axles + WIDTH)),
         car_force=np.zeros(cars),
