@@ -47,7 +47,7 @@ def canonical(value: Any) -> str:
 MOST_AXLE_STEPS = 3e8
 """Integration steps times axles: minutes of computing, and at most 2.4 GB of sensor noise."""
 MOST_AXLE_RECORDS = 5e6
-"""Recorded instants times axles: about 2 GB while the record is evaluated."""
+"""Recorded instants times axles: about 1 GB while the record is evaluated."""
 MOST_COMMANDS = 3e7
 """Brake commands on their way to cylinders: 0.5 GB."""
 
