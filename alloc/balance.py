@@ -17,6 +17,8 @@ ROUNDING = 1e-9
 """Share of the energy that is there, of a limit, and of the range of a metric, that counts for nothing."""
 BRAKED = 0.025
 """Share by which a braked wheel may exceed the recorded limit, which is that of driving: Polach's law gives up to 2 %."""
+AT_ONCE = 4096
+"""Instants that are compared with their limits at once: a long run is not to double its memory."""
 BALANCED = 200
 """Instants of a run at which energy is counted; what is lost once is missing at all later ones."""
 MAY_BE_MISSING = {"level", "increment_datum", "learnt_deviation"}
@@ -77,7 +79,7 @@ def check_run(model: Model, record: PlantRecord, run: xr.Dataset) -> None:
     """
     s, time = model.structure, record.time
     # what is recorded of axles follows from these, and takes ten times as long to look through
-    parts = {"the state": record.state, "the rail's coefficient": record.peak}
+    parts = {"the state": record.state, "the rail's coefficient": record.noted.peak}
     parts |= {
         str(name): np.asarray(variable.values)
         for name, variable in run.variables.items()
@@ -92,21 +94,23 @@ def check_run(model: Model, record: PlantRecord, run: xr.Dataset) -> None:
         time[chosen], np.abs(missing) > MOST_MISSING * turned + LEAST_ENERGY,
         f"its energy balance lacks more than {MOST_MISSING:g} of the energy turned over",
     )  # fmt: skip
-    torque, pressure, coefficient, limit = (
-        np.asarray(run.variables[name].values)
-        for name in ("motor_torque", "cylinder_pressure", "coefficient", "adhesion_limit")
-    )
     beyond = 1.0 + ROUNDING
-    most = np.where(
-        torque < 0.0, s.brake_table.max(axis=1, initial=0.0), s.drive_table.max(axis=1, initial=0.0)
-    )
+    braking, driving = (table.max(axis=1, initial=0.0) for table in (s.brake_table, s.drive_table))
     supply = np.array([brake.maximum_pressure for brake in model.train.brake_groups])
-    for faulty, what in (
-        (np.abs(torque) > beyond * most, "a motor's torque exceeds its greatest"),
-        (np.abs(pressure - 0.5 * supply) > beyond * 0.5 * supply, "a cylinder's pressure is outside 0 to its supply"),
-        (np.abs(coefficient) > (1.0 + BRAKED) * limit, "a wheel's force exceeds what its rail carries"),
-    ):  # fmt: skip
-        _refuse(time, faulty, what)
+    recorded = [
+        run.variables[name].values
+        for name in ("motor_torque", "cylinder_pressure", "coefficient", "adhesion_limit")
+    ]
+    for first in range(0, time.size, AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        torque, pressure, coefficient, limit = (np.asarray(values[some]) for values in recorded)
+        most = np.where(torque < 0.0, braking, driving)
+        for faulty, what in (
+            (np.abs(torque) > beyond * most, "a motor's torque exceeds its greatest"),
+            (np.abs(pressure - 0.5 * supply) > beyond * 0.5 * supply, "a cylinder's pressure is outside 0 to its supply"),
+            (np.abs(coefficient) > (1.0 + BRAKED) * limit, "a wheel's force exceeds what its rail carries"),
+        ):  # fmt: skip
+            _refuse(time[some], faulty, what)
 
 
 def _refuse(time: Floats, faulty: NDArray[np.bool_], what: str) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from alloc.display import displayed
 from alloc.errors import SimulationError
+from alloc.onboard.equipment import Equipment, equipment
 from alloc.onboard.parameters import Onboard
 from alloc.plant.model import STABLE_STEP, Floats, Model
 
@@ -46,7 +47,7 @@ def canonical(value: Any) -> str:
 MOST_AXLE_STEPS = 3e8
 """Integration steps times axles: minutes of computing, and at most 2.4 GB of sensor noise."""
 MOST_AXLE_RECORDS = 5e6
-"""Recorded instants times axles: about 2 GB while the record is evaluated."""
+"""Recorded instants times axles: about 1 GB while the record is evaluated."""
 MOST_COMMANDS = 3e7
 """Brake commands on their way to cylinders: 0.5 GB."""
 
@@ -183,6 +184,11 @@ class Event:
             self.record_period,
         )
         SimulationError.check_order("event", self, "record_period", "duration", equal=True)
+
+    @cached_property
+    def equipment(self) -> Equipment:
+        """What the train's computers believe; raises `OnboardError` where belief and train do not fit."""
+        return equipment(self.model, self.onboard)
 
     @cached_property
     def hash(self) -> str:

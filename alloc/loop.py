@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.compilation import equation, inlined_jit, jit
+from alloc.compilation import inlined_jit, jit
 from alloc.onboard.brakes import (
     brake_receiver,
     command_sand,
@@ -29,8 +29,7 @@ from alloc.onboard.sensing import sense
 from alloc.onboard.state import Memory, Settings
 from alloc.onboard.telegrams import hear_reports, write_reports
 from alloc.plant import engine as compiled
-from alloc.plant.engine import peak_field
-from alloc.plant.laws import adhesion_limit
+from alloc.plant.engine import copy_row, find_limits, peak_field
 from alloc.plant.model import Floats, Inputs, Layout, Model
 from alloc.records import ByReference
 from alloc.rules.dispatch import allocate_compiled
@@ -61,26 +60,29 @@ def record_computers(plant, eq, st, m, commanded, k, record):
         record.valve[k, g] = plant.inputs.valve[g]
     for s in range(plant.rows.sanders):
         record.sand_rate[k, s] = plant.inputs.sand_rate[s]
-    for c in range(plant.rows.cars):
+    for c in range(record.slide_reference.shape[1]):
         record.slide_reference[k, c] = m.reference[min(c, m.reference.size - 1)]
 
 
-@equation
+@inlined_jit
 def record_plant(plant, time, k, record):
     """Write the state at `time` [s] to row `k`."""
     record.time[k] = time
-    for i in range(plant.state.size):
-        record.state[k, i] = plant.state[i]
+    copy_row(plant.state, 0, record.state[k])
 
 
-@equation
-def record_noted(plant, k, record):
+@inlined_jit
+def record_noted(noted, k, record):
     """Write to row `k` what the plant noted in the step that began there."""
-    noted = plant.workspace.noted
-    for i in range(noted.peak.size):
-        record.peak[k, i] = noted.peak[i]
-    for i in range(noted.acceleration.size):
-        record.body_acceleration[k, i] = noted.acceleration[i]
+    copy_row(noted.peak, 0, record.peak[k])
+    copy_row(noted.coefficient, 0, record.coefficient[k])
+    copy_row(noted.load, 0, record.load[k])
+    copy_row(noted.force, 0, record.force[k])
+    copy_row(noted.brake, 0, record.brake[k])
+    copy_row(noted.motor, 0, record.motor[k])
+    copy_row(noted.shaft, 0, record.shaft[k])
+    copy_row(noted.acceleration, 0, record.acceleration[k])
+    copy_row(noted.tension, 0, record.tension[k])
 
 
 # What the rail truly carries: the oracle's knowledge, which nobody on board has.
@@ -100,20 +102,18 @@ def _least_adhesion(w, eq, time, truth, trailing):
     It is that of the weakest axle. Motors in parallel could carry more, but only while that axle slips beyond its peak. The
     state is that in the workspace's scratch.
     """
-    y, axle = w.scratch.state, w.axle
-    peak_field(w, time, y)
+    c, axle, rail = w.scratch, w.axle, w.rail
+    peak_field(w, time, c.state)
+    speed, limit, slip = c.limit[0], c.limit[1], c.limit[2]
+    for i in range(w.size.axles):
+        speed[i] = c.state[axle.speed_row[i]]
+    find_limits(rail.curve_kind, rail.curve, c.peak, speed, axle.contact, limit, slip)
     for i in range(w.size.axles):
         j, g = eq.axle_unit[i], eq.axle_group[i]
-        if j >= 0 or g >= 0:
-            v = y[axle.speed_row[i]]
-            limit, _ = adhesion_limit(
-                w.rail.curve_kind, w.rail.curve, w.scratch.peak[i], v, axle.contact[i]
-            )
-            load = axle.static_load[i] - axle.unloading[i] * w.scratch.car_force[axle.car[i]]
-            if j < 0:
-                trailing[g] = min(trailing[g], USED * limit * load)
-            else:
-                truth[j] = min(truth[j], USED * limit * load)
+        if j >= 0:
+            truth[j] = min(truth[j], USED * limit[i] * c.normal[i])
+        elif g >= 0:
+            trailing[g] = min(trailing[g], USED * limit[i] * c.normal[i])
 
 
 @inlined_jit
@@ -298,7 +298,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs
         )
         if recorded:
-            record_noted(plant, k, record.plant)
+            record_noted(plant.workspace.noted, k, record.plant.noted)
         progress.tick[0] += 1
         progress.phase[0] = SENSE
     return NOTHING
@@ -315,12 +315,13 @@ def run_with_driver(plant, timing, progress, record, stop):
         k = tick // timing.record_ticks
         recorded = tick % timing.record_ticks == 0
         if recorded:
-            record_plant(plant, time, k, record)
+            record.time[k], record.state[k] = time, plant.state[: record.state.shape[1]]
         compiled.advance(
             plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs
         )
         if recorded:
-            record_noted(plant, k, record)
+            for values, noted in zip(record.noted, plant.workspace.noted, strict=True):
+                values[k] = noted
         progress.tick[0] += 1
         progress.phase[0] = SENSE
     return NOTHING

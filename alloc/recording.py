@@ -1,7 +1,7 @@
 """A recorded run as an `xarray.Dataset`: its variables and attributes, made from the loop's record, saved and loaded.
 
 In: states and values that the loop wrote down. Out: a dataset with dimensions time, axle, car and unit, CF units and long
-names, from one registry (`VARIABLES`). Forces and coefficients follow from the states by the plant's own laws.
+names, from one registry (`VARIABLES`). Forces and coefficients are those that the plant computed on its way.
 """
 
 import errno
@@ -23,12 +23,13 @@ from numpy.typing import NDArray
 from alloc.event import Event
 from alloc.onboard.increment_learning import Increments, LearningSeries
 from alloc.onboard.state import Counters, TrainMemory, UnitMemory
-from alloc.plant.array_model import ArrayModel
+from alloc.plant.engine import find_limits
 from alloc.plant.laws import limit_place, swing_torque
 from alloc.plant.model import Floats, Layout, Model
-from alloc.plant.operations import look_up
+from alloc.plant.operations import look_up, padded
 from alloc.plant.rail import power_taken
 from alloc.plant.train import EFFORT_SPEED_STEP
+from alloc.plant.workspace import Noted
 from alloc.sources import write_whole
 
 # Variables of a recorded run: one registry, from which dimensions, units and names follow.
@@ -146,7 +147,7 @@ VARIABLES: dict[str, Variable] = {
 }
 
 
-# What follows from recorded states by the plant's own laws: forces, coefficients, accelerations of the cars.
+# What the plant computed on its way, and what follows from it: forces, coefficients, limits.
 
 
 MOST_IN_PRODUCT = 8192
@@ -157,57 +158,19 @@ class PlantRecord(NamedTuple):
     """What the loop writes of the plant; first dimension: instants."""
 
     time: Floats
-    state: Floats
-    peak: Floats
-    body_acceleration: Floats
+    state: Floats  # without deflections of contacts
+    noted: Noted
 
     @classmethod
     def allocate(cls, records: int, n: Layout) -> "PlantRecord":
         """Empty record of `records` instants."""
-        sizes = (n.rows, n.axles, n.bodies)
-        return cls(np.zeros(records), *(np.zeros((records, size)) for size in sizes))
+        state = np.zeros((records, n.deflection.start))
+        return cls(np.zeros(records), state, Noted.of(n, records))
 
     def until(self, records: int) -> "PlantRecord":
         """The first instants of the record."""
-        return PlantRecord(*(values[:records] for values in self))
-
-
-class _Chosen:
-    """`matrix @ values` and `matrix.T @ values` for a matrix that picks row `index[i]` (-1: none) into row i.
-
-    A product would wake the threads of BLAS: it takes no less time, and twice the processors'.
-    """
-
-    def __init__(self, index: NDArray[np.int64], count: int, back: bool = False) -> None:
-        self.index, self.count, self.back = index, count, back
-
-    @property
-    def T(self) -> "_Chosen":
-        """The transposed: sums the rows that were picked from the same one."""
-        return _Chosen(self.index, self.count, not self.back)
-
-    def __matmul__(self, values: Floats) -> Floats:
-        if not self.back:
-            if (self.index < 0).any():  # -1 picks the last row: zeros that are put there for it
-                values = np.concatenate([values, np.zeros((1, *values.shape[1:]))])
-            return np.take(values, self.index, axis=0)
-        total = np.zeros((self.count, *values.shape[1:]))
-        for i, row in enumerate(self.index):
-            if row >= 0:
-                total[row] += values[i]
-        return total
-
-
-def _arrays(model: Model) -> ArrayModel:
-    """The plant on whole arrays, without products of matrices."""
-    n, s = model.layout, model.structure
-    arrays: Any = ArrayModel.of(model)
-    arrays.body_of_axle = _Chosen(s.axle_body, n.bodies)
-    arrays.car_of_axle = _Chosen(s.axle_car, n.cars)
-    arrays.unit_of_axle = _Chosen(s.axle_unit, n.units)
-    arrays.group_of_axle = _Chosen(s.axle_group, n.groups)
-    arrays.body_of_car = _Chosen(s.car_body, n.bodies)
-    return cast(ArrayModel, arrays)
+        noted = Noted(*(values[:records] for values in self.noted))
+        return PlantRecord(self.time[:records], self.state[:records], noted)
 
 
 def _mean_of_bodies(share: Floats, values: Floats) -> Floats:
@@ -231,69 +194,83 @@ def _motor_limits(model: Model, time: Floats, speed: Floats) -> tuple[Floats, Fl
     return drive * works, brake * works
 
 
-def _optional_variables(
-    model: Model, arrays: ArrayModel, state: Floats, force: Floats
-) -> dict[str, Floats]:
-    """What is recorded of drives that twist and of contacts that recover; `force` (axles, instants) of the rail."""
-    n, s = model.layout, model.structure
-    found: dict[str, Floats] = {}
-    if n.recoveries:
-        found["recovery"] = state[n.recovery].T
-    if n.shafts:
-        rotor, stiffness, _ = (one[:, None] for one in s.axle_shaft)
-        wheel = s.inertia[:, None] - rotor
-        shaft, motor = arrays.shaft_torques(state), arrays.motor_torques(state)
-        shoe, _ = arrays.wheelsets(state, force)
-        settled = (wheel * motor + rotor * (s.radius[:, None] * force + shoe)) / (rotor + wheel)
-        rate = arrays.rotor_speeds(state) - state[n.omega]
-        reduced = rotor * wheel / (rotor + wheel)
-        swing = swing_torque(shaft, settled, rate, stiffness, reduced)
-        found |= {
-            "shaft_torque": shaft.T,
-            "shaft_swing": np.where(rotor > 0.0, swing, np.abs(shaft)).T,
-        }
-    return found
+AT_ONCE = 4096
+"""Contacts whose adhesion limit is found at once: what lies between record and result stays in the cache."""
+
+
+def _adhesion_limits(model: Model, peak: Floats, speed: Floats) -> tuple[Floats, Floats]:
+    """Adhesion limit and the slip velocity [m/s] there, at `peak` (instants, axles) and `speed` (instants, bodies)."""
+    s, e = model.structure, model.environment
+    axles = peak.shape[1]
+    rows = max(1, AT_ONCE // axles)
+    given, curve = np.ones((5, padded(rows * axles))), np.array(e.curve)
+    blocks = given[:, : rows * axles].reshape(5, rows, axles)
+    blocks[2] = e.contact
+    found = np.empty((2, *peak.shape))
+    for k in range(0, len(peak), rows):
+        some = slice(k, k + rows)
+        own = blocks[:, : len(peak[some])]
+        own[0], own[1] = peak[some], speed[some][:, s.axle_body]
+        find_limits(e.curve_kind, curve, *given)
+        found[:, some] = own[3:]
+    return found[0], found[1]
+
+
+def _swings(model: Model, noted: Noted, omega: Floats, rotor_speed: Floats) -> Floats:
+    """Largest torque [N m] that the oscillation of each drive that twists reaches, (instants, axles)."""
+    s = model.structure
+    rotor, stiffness, _ = s.axle_shaft
+    wheel = s.inertia - rotor
+    other = s.radius * (noted.force + noted.brake)
+    settled = (wheel * noted.motor + rotor * other) / (rotor + wheel)
+    rate, reduced = rotor_speed - omega, rotor * wheel / (rotor + wheel)
+    swing = swing_torque(noted.shaft, settled, rate, stiffness, reduced)
+    return np.where(rotor > 0.0, swing, np.abs(noted.shaft))
 
 
 def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[Any]]:
-    """Everything that follows from the recorded states by the plant's own laws; first dimension: instants."""
+    """The plant's part of a recorded run; first dimension: instants.
+
+    Forces are those that its right side computed. What it does not need follows here: adhesion limits, motor limits, swings.
+    """
     n, s = model.layout, model.structure
-    arrays = _arrays(model)
-    state, peak = record.state.T, record.peak.T
-    slip, mu, force = arrays.forces(state, peak)
-    speed = state[n.speed]
+    state, noted = record.state, record.noted
+    speed, omega, work = state[:, n.speed], state[:, n.omega], state[:, n.work].T
     share = s.body_mass / s.body_mass.sum()
-    contact = model.environment.contact[:, None]
-    limit, top = model.rail.curve.limit(peak, arrays.body_of_axle @ speed, contact)
-    work = state[n.work]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        load = np.where(mu != 0.0, force / mu, s.static_load[:, None])
+    # of what is long-lived the short-lived is made first, so memory peaks lower
+    rim = s.radius * omega
+    slip = rim - (speed if n.bodies == 1 else speed[:, s.axle_body])
+    limit, top = _adhesion_limits(model, noted.peak, speed)
     driven = s.axle_unit >= 0
     unit_load, unit_radius = (
         np.bincount(s.axle_unit[driven], values[driven], minlength=n.units)
         for values in (s.static_load, s.radius)
     )
-    drive_limit, brake_limit = _motor_limits(model, record.time, speed.T)
+    drive_limit, brake_limit = _motor_limits(model, record.time, speed)
+    optional = {"recovery": state[:, n.recovery]} if n.recoveries else {}
+    if n.shafts:
+        optional["shaft_torque"] = noted.shaft
+        optional["shaft_swing"] = _swings(model, noted, omega, state[:, n.rotor])
     return {
-        "position": state[n.position][0],
-        "speed": _mean_of_bodies(share, speed.T),
-        "acceleration": _mean_of_bodies(share, record.body_acceleration),
-        "car_speed": (arrays.body_of_car @ speed).T,
-        "car_acceleration": np.take(record.body_acceleration, s.car_body, axis=1),
-        "rim_speed": (s.radius[:, None] * state[n.omega]).T,
-        "slip_velocity": slip.T,
-        "coefficient": mu.T,
-        "adhesion_limit": limit.T,
-        "peak_slip": np.broadcast_to(top, limit.shape).T,
-        "rail_force": force.T,
-        "brake_force": (arrays.wheelsets(state, force)[0] / s.radius[:, None]).T,
-        "axle_load": load.T,
-        "friction_work": state[n.friction_work].T,
-        "motor_torque": state[n.torque].T,
+        "position": state[:, 0],
+        "speed": _mean_of_bodies(share, speed),
+        "acceleration": _mean_of_bodies(share, noted.acceleration),
+        "car_speed": speed[:, s.car_body],
+        "car_acceleration": noted.acceleration[:, s.car_body],
+        "rim_speed": rim,
+        "slip_velocity": slip,
+        "coefficient": noted.coefficient,
+        "adhesion_limit": limit,
+        "peak_slip": top,
+        "rail_force": noted.force,
+        "brake_force": noted.brake,
+        "axle_load": noted.load,
+        "friction_work": state[:, n.friction_work],
+        "motor_torque": state[:, n.torque],
         "drive_limit": drive_limit,
         "brake_limit": brake_limit,
-        "cylinder_pressure": state[n.pressure].T,
-        "coupler_force": arrays.coupler_forces(state)[0].T,
+        "cylinder_pressure": state[:, n.pressure],
+        "coupler_force": noted.tension,
         "motor_work": work[0],
         "shoe_work": work[1],
         "resistance_work": work[2],
@@ -311,7 +288,7 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
         "unit_parallel": np.bincount(s.axle_unit[driven], s.axle_motor[0, driven] > 0.0, n.units)
         > 0.0,
         "body_mass": s.body_mass,
-        **_optional_variables(model, arrays, state, force),
+        **optional,
     }
 
 
@@ -386,7 +363,7 @@ class Record(NamedTuple):
     unit: Floats  # (instants, fields of `UnitMemory`, units)
     train: Floats  # (instants, fields of `TrainMemory`, 1)
     valve: Floats  # (instants, groups)
-    slide_reference: Floats  # (instants, cars)
+    slide_reference: Floats  # (instants, cars); (instants, 0) where cars do not move apart
     sand_rate: Floats  # (instants, sanders)
     learning: (
         Floats  # (instants, fields of `LearningSeries`, units); no instants where nothing is learnt
@@ -400,7 +377,7 @@ class Record(NamedTuple):
             np.zeros((records, len(UnitMemory._fields), n.units)),
             np.zeros((records, len(TrainMemory._fields), 1)),
             np.zeros((records, n.groups)),
-            np.zeros((records, n.cars)),
+            np.zeros((records, n.cars if n.bodies > 1 else 0)),
             np.zeros((records, n.sanders)),
             np.zeros((records if learns else 0, len(LearningSeries._fields), n.units)),
         )

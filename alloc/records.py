@@ -61,9 +61,10 @@ class ByReference:
 
     def __init__(self, value: Any) -> None:
         self._value = value
-        words: list[int] = []
-        self.kind = _type(_lay_out(value, words))
-        self.data = np.array(words, dtype=np.uint64)
+        self._words: list[int] = []
+        self._laid_out = _lay_out(value, self._words)
+        self.kind = _type(self._laid_out)
+        self.data = np.array(self._words, dtype=np.uint64)
         self.address = self.data.ctypes.data
 
     def __getattr__(self, name: str) -> Any:
@@ -75,7 +76,6 @@ def _lay_out(value: Any, words: list[int]) -> tuple[str, tuple[tuple[str, Any, i
     fields, start = [], len(words)
     for name, item in zip(value._fields, value, strict=True):
         word = len(words) - start
-        plain = item.item() if isinstance(item, np.generic) else item
         what: Any = None
         if isinstance(item, np.ndarray):
             if not item.flags.c_contiguous:
@@ -83,15 +83,19 @@ def _lay_out(value: Any, words: list[int]) -> tuple[str, tuple[tuple[str, Any, i
             address = item.__array_interface__["data"][0]
             words += [0, 0, item.size, item.itemsize, address, *item.shape, *item.strides]
             what = item.dtype, item.ndim
+        elif isinstance(item, ByReference):
+            what = item._laid_out
+            words += item._words
         elif hasattr(item, "_fields"):
-            what = _lay_out(item._value if isinstance(item, ByReference) else item, words)
-        elif type(plain) in _NUMBERS:
-            what = type(plain)
-            words.append(int(_NUMBERS[what][0](plain).view(np.uint64)))
+            what = _lay_out(item, words)
         elif item is not None:
-            raise TypeError(
-                f"{type(value).__name__}.{name}: {type(item).__name__} is neither number, array nor record"
-            )
+            plain = item.item() if isinstance(item, np.generic) else item
+            what = type(plain)
+            if what not in _NUMBERS:
+                raise TypeError(
+                    f"{type(value).__name__}.{name}: {type(item).__name__} is neither number, array nor record"
+                )
+            words.append(int(_NUMBERS[what][0](plain).view(np.uint64)))
         fields.append((name, what, word))
     return type(value).__name__, tuple(fields)
 

@@ -145,7 +145,7 @@ def simulate(
         raise SimulationError(str(error)) from None
     chosen = find_rule(rule) if isinstance(rule, str) else rule
     onboard, model = event.onboard.with_settings(chosen.onboard), event.model
-    eq = equipment(model, onboard)
+    eq = event.equipment if onboard is event.onboard else equipment(model, onboard)
     ticks = round(event.duration / onboard.period)
     commanded = event.command.sampled(onboard.period * np.arange(ticks, dtype=np.float64))
     share = eq.brake_share if eq.blended and commanded[0] < 0.0 else eq.planned_share
@@ -224,7 +224,7 @@ def inputs_hash(event: Event) -> str:
     Events that differ in seeds alone have equal hashes if their runs are the same.
     """
     model, onboard = event.model, event.onboard
-    eq, telegrams = equipment(model, onboard), onboard.telegrams
+    eq, telegrams = event.equipment, onboard.telegrams
     ticks = round(event.duration / onboard.period)
     given = _given(
         np.zeros(ticks), onboard, model.layout, max(1, round(telegrams.period / onboard.period))

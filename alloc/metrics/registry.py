@@ -74,11 +74,11 @@ def range_of(name: str) -> tuple[float, float]:
 
 
 class _Known(threading.local):
-    """What functions with `once_per_run` found of the run that this thread evaluates; `run` is None while it does not."""
+    """What `series` and functions with `once_per_run` found of the run that this thread evaluates, if it does one."""
 
     def __init__(self) -> None:
         self.run: xr.Dataset | None = None
-        self.found: dict[Callable[..., Any], Any] = {}
+        self.found: dict[Any, Any] = {}
 
 
 _KNOWN = _Known()
@@ -90,7 +90,7 @@ def evaluate(run: xr.Dataset) -> dict[str, float]:
     try:
         values = {name: float(metric.function(run)) for name, metric in METRICS.items()}
     finally:
-        _KNOWN.run = None
+        _KNOWN.run, _KNOWN.found = None, {}
     for name, value in values.items():
         least, most = METRICS[name].within
         if value < least - ROUNDING or value > most + ROUNDING or math.isinf(value):
@@ -116,7 +116,11 @@ def once_per_run(function: Callable[[xr.Dataset], Found]) -> Callable[[xr.Datase
 
 def series(run: xr.Dataset, name: str) -> NDArray[Any]:
     """Recorded values of a variable; `run[name].values` is the same, but takes twenty times as long to look up."""
-    return np.asarray(run.variables[name].values)
+    if _KNOWN.run is not run:
+        return np.asarray(run.variables[name].values)
+    if name not in _KNOWN.found:
+        _KNOWN.found[name] = np.asarray(run.variables[name].values)
+    return cast(NDArray[Any], _KNOWN.found[name])
 
 
 @once_per_run
@@ -152,7 +156,7 @@ def force_available(run: xr.Dataset) -> NDArray[np.float64]:
     The recorded limit is that of a driving wheel. By Polach's law a braked one finds 0.2 % more.
     """
     offered = series(run, "adhesion_limit") * series(run, "axle_load")
-    return np.maximum(offered, np.abs(series(run, "rail_force")))
+    return np.maximum(offered, np.abs(series(run, "rail_force")), out=offered)
 
 
 def adhesion_used(run: xr.Dataset, counted: NDArray[np.bool_]) -> float:

@@ -69,8 +69,9 @@ def estimate_error(run: xr.Dataset) -> float:
 def slips(run: xr.Dataset) -> list[Slip]:
     """The slips of all units: those in which an axle exceeds `SLIP_FACTOR` times the slip velocity of the peak."""
     found = []
-    relative = np.abs(series(run, "slip_velocity")) / series(run, "peak_slip")
-    relative = np.where(under_demand(run)[:, None], relative, 0.0)
+    relative = np.abs(series(run, "slip_velocity"))
+    relative /= series(run, "peak_slip")
+    relative[~under_demand(run)] = 0.0
     unit_of_axle = series(run, "axle_unit")
     for unit in range(run.sizes["unit"]):
         worst = relative[:, unit_of_axle == unit].max(axis=1)

@@ -4,12 +4,13 @@ In: a recorded run. Out: one float each; nan where it does not apply.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from alloc.estimation.series import spans
 from alloc.metrics.registry import (
     EITHER_WAY,
     METRICS,
@@ -134,9 +135,14 @@ def wear_numbers(run: xr.Dataset) -> tuple[NDArray[np.float64], NDArray[np.float
     Creep force times creepage is the work that a wheel dissipates per metre of its way. Half of an axle's belongs to each
     wheel; it is the mean from one record to the next. 0 at a stand.
     """
-    work = np.maximum(np.diff(series(run, "friction_work"), axis=0), 0.0)
-    way = np.abs(np.diff(series(run, "position")))[:, None]
-    return np.divide(0.5 * work, way, out=np.zeros_like(work), where=way > 0.0), way
+    number = np.diff(series(run, "friction_work"), axis=0)
+    np.maximum(number, 0.0, out=number)
+    number *= 0.5
+    way = np.abs(np.diff(series(run, "position")))
+    moves = way > 0.0
+    np.divide(number, way[:, None], out=number, where=moves[:, None])
+    number[~moves] = 0.0
+    return number, way[:, None]
 
 
 @metric("wear_number", "N", "T gamma of a wheel, mean over way and axles", -1, NEVER_NEGATIVE)
@@ -158,7 +164,10 @@ def wear_number(run: xr.Dataset) -> float:
 def severe_work(run: xr.Dataset) -> float:
     """Share of the dissipated work that wheels do in the regime of catastrophic wear; nan where there is none."""
     number, way = wear_numbers(run)
-    return _share(np.where(number > SEVERE, number * way, 0.0), number * way)
+    work = number * way
+    whole = work.sum()
+    work[number <= SEVERE] = 0.0
+    return float(work.sum() / whole) if whole else float("nan")
 
 
 @metric(
@@ -175,9 +184,12 @@ def wheel_wear(run: xr.Dataset) -> float:
     beyond (Pearce and Sherratt, Prediction of wheel profile wear, Wear 144 (1991) 343-351).
     """
     number, way = wear_numbers(run)
-    rate = np.where(number > SEVERE, 1.19 * number - 154.0, 0.25 * np.minimum(number, MILD))
-    diameter = 2e3 * series(run, "axle_radius")
-    return float(2.0 * (1e-3 * way * rate / diameter).sum())
+    severe, rate = number > SEVERE, np.minimum(number, MILD)
+    rate *= 0.25
+    rate[severe] = 1.19 * number[severe] - 154.0
+    rate *= 1e-3 * way
+    rate /= 2e3 * series(run, "axle_radius")
+    return float(2.0 * rate.sum())
 
 
 @metric("distance", "m", "distance run until the end, or until the target speed", 0)
@@ -230,13 +242,16 @@ def jerk(run: xr.Dataset) -> NDArray[np.float64]:
     values = series(run, "car_acceleration")
     if values.shape[0] < 2:
         return np.full_like(values, np.nan)
+    cars = values.shape[1]
+    if run.sizes.get("body") == 1:  # all cars move as one
+        values = values[:, :1]
     nyquist = 0.5 / period
     if nyquist > JERK_CUT_OFF and values.shape[0] > 30:
         from scipy.signal import sosfiltfilt  # slow to import, and needed by a run alone
 
         # mirrored at its ends: an odd extension would turn what vibrates there into a step
         values = sosfiltfilt(_low_pass(JERK_CUT_OFF / nyquist), values, axis=0, padtype="even")
-    return np.asarray(np.gradient(values, period, axis=0))
+    return np.repeat(np.gradient(values, period, axis=0), cars // values.shape[1], axis=1)
 
 
 @metric(
@@ -348,7 +363,9 @@ def train_bounds(run: xr.Dataset) -> TrainBounds:
     brakes, air makes up for the motors. Each trailer's brake group adds its own part of the plan, as far as the rail carries
     it.
     """
-    chosen = settled(run)
+    stretches = spans(settled(run))
+    # a single stretch is looked at where it is; a mask would copy it
+    chosen: Any = slice(*stretches[0]) if len(stretches) == 1 else settled(run)
     blended = bool(run.attrs["blended_brakes"])
     braking = direction(run)[chosen] < 0.0
     unit, group = series(run, "axle_unit"), series(run, "axle_group")
@@ -407,7 +424,8 @@ def _of_units(values: Floats, unit: NDArray[np.int64], units: int) -> Floats:
 
 
 def _share(part: Floats, whole: Floats) -> float:
-    return float(part.sum() / whole.sum()) if whole.sum() else float("nan")
+    total = whole.sum()
+    return float(part.sum() / total) if total else float("nan")
 
 
 @metric(

@@ -7,6 +7,7 @@ In: a `Workspace`. Out: its state after a step; nothing is allocated. What acts 
 from alloc.compilation import inlined_jit, jit
 from alloc.plant.laws import (
     STICK_SPEED,
+    adhesion_limit,
     axle_load,
     car_drag,
     car_rail_force,
@@ -298,7 +299,9 @@ def _wheels(w, y, slope):
         if axle.pitches:
             carried = gather(c.car_force, axle.car, i)
             normal = axle_load(normal, load(axle.unloading, i), carried)
+            store(c.normal, i, normal)
         force = load(c.mu, i) * normal
+        store(c.force, i, force)
         r, omega = load(axle.radius, i), load(y, row.omega + i)
         gear, torque = load(axle.gear, i), gather(y, axle.torque_row, i)
         turned, stiffness = omega, load(axle.shaft[0], i)
@@ -318,6 +321,8 @@ def _wheels(w, y, slope):
             store(slope, row.twist + i, rate)
             store(slope, row.rotor + i, (motor - shaft) * load(axle.inverse_rotor, i))
             lost = lost + damping * rate * rate
+            store(c.motor, i, motor)
+            store(c.shaft, i, shaft)
             motor = shaft
         limit = spread(0.0)
         if braked:
@@ -332,6 +337,7 @@ def _wheels(w, y, slope):
         shoe, acceleration = wheelset(
             motor, force, r, omega, limit, load(axle.inertia, i), load(axle.inverse_inertia, i)
         )
+        store(c.shoe, i, shoe)
         store(slope, row.omega + i, acceleration)
         power = force * slip_velocity(omega, r, v)
         store(slope, row.friction + i, power)
@@ -366,16 +372,26 @@ def derivative(w, time, y, slope):
         store(slope, w.row.pressure + g, rate)
 
 
+@jit
+def find_limits(kind, curve, peak, speed, contact, limit, slip):
+    """Adhesion limit and the slip velocity [m/s] there of as many axles as make whole blocks, into `limit` and `slip`."""
+    for i in range(0, peak.size, WIDTH):
+        most, top = adhesion_limit(kind, curve, load(peak, i), load(speed, i), load(contact, i))
+        store(limit, i, most)
+        store(slip, i, top)
+
+
 # The plant compiled: a fixed-step integrator, with what acts between steps.
 #
 # Between steps the rail is read and changed (`rail_memory`), and brake commands pass through the cylinders' dead time;
 # the right side is in `right_side`.
 
 
-@inlined_jit
-def _copy_part(source, first, target, start, count):
-    for i in range(count):
-        target[start + i] = source[first + i]
+@jit
+def copy_row(source, first, target):
+    """Fill `target` from `source`; compiled once, for wherever it is called is not where time goes."""
+    for i in range(target.size):
+        target[i] = source[first + i]
 
 
 @inlined_jit
@@ -394,9 +410,18 @@ def unpack(w, y, state):
 
 @inlined_jit
 def _note(w):
-    """Keep the adhesion field and the accelerations of the bodies of the right side just computed."""
-    _copy_part(w.scratch.peak, 0, w.noted.peak, 0, w.size.axles)
-    _copy_part(w.scratch.slope, w.row.speed, w.noted.acceleration, 0, w.size.bodies)
+    """Keep what the right side has just computed and a record shows."""
+    c, noted = w.scratch, w.noted
+    copy_row(c.peak, 0, noted.peak)
+    copy_row(c.mu, 0, noted.coefficient)
+    copy_row(c.normal, 0, noted.load)
+    copy_row(c.force, 0, noted.force)
+    for i in range(w.size.axles):
+        noted.brake[i] = c.shoe[i] / w.axle.radius[i]
+    copy_row(c.motor, 0, noted.motor)
+    copy_row(c.shaft, 0, noted.shaft)
+    copy_row(c.slope, w.row.speed, noted.acceleration)
+    copy_row(c.tension, WIDTH, noted.tension)
 
 
 @inlined_jit
@@ -452,7 +477,8 @@ def inlined_advance(w, time, step, steps, state, inputs):
     """As `advance`, compiled into the loop that calls it: the classical fourth-order Runge-Kutta method."""
     c = w.scratch
     pack(w, state, c.state)
-    _copy_part(inputs.torque_command, 0, c.command, 0, w.size.units)
+    for j in range(w.size.units):
+        c.command[j] = inputs.torque_command[j]
     for k in range(steps):
         _delay_pneumatics(w, inputs.pressure_target, inputs.valve)
         if w.rail.conditioned or w.rail.sandy:
@@ -483,4 +509,4 @@ def advance(w, time, step, steps, state, inputs):
     return inlined_advance(w, time, step, steps, state, inputs)
 
 
-__all__ = ["advance", "inlined_advance", "pack", "unpack", "workspace"]
+__all__ = ["advance", "find_limits", "inlined_advance", "pack", "unpack", "workspace"]

@@ -222,11 +222,17 @@ class Scratch(NamedTuple):
     acting: Floats  # (patches,) their weight in time
     decline: Floats  # (bodies,) of the speed law
     peak: Floats  # (axles,)
+    limit: Floats  # (3, axles) speed, adhesion limit and slip velocity there
     mu: Floats  # (axles,) tangential force coefficient
     load: Floats  # (2, axles) of a car's force and unloading, then zeros
     car_force: Floats
     net: Floats  # (bodies,) force without couplers
     tension: Floats  # (bodies,) behind a block of zeros
+    normal: Floats  # (axles,) axle load
+    force: Floats  # (axles,) of the rail
+    shoe: Floats  # (axles,) torque of the brake shoes
+    motor: Floats  # (axles,) torque of motors at the wheel, where drives twist
+    shaft: Floats  # (axles,) what the drive hands on of it, where drives twist
     command: Floats  # (units,)
     unit_speed: Floats  # (units,) mean speed of the motor shafts [rad/s], and a block of zeros
     target: Floats  # (groups,) behind the dead time
@@ -242,10 +248,23 @@ class Scratch(NamedTuple):
 
 
 class Noted(NamedTuple):
-    """What the plant noted at the start of the last `advance`."""
+    """What the right side computed at the start of the last `advance`, or of many, (instants, ...) each."""
 
     peak: Floats  # (axles,) peak coefficient
+    coefficient: Floats  # (axles,) tangential force coefficient
+    load: Floats  # (axles,) [N]
+    force: Floats  # (axles,) of the rail [N]
+    brake: Floats  # (axles,) of the brake shoes at the rim [N]
+    motor: Floats  # (shafts,) torque of motors at the wheel [N m]
+    shaft: Floats  # (shafts,) that drives hand on to their wheelsets [N m]
     acceleration: Floats  # (bodies,) [m/s2]
+    tension: Floats  # (couplers,) [N]
+
+    @classmethod
+    def of(cls, n: Layout, *instants: int) -> "Noted":
+        """Room for one instant, or for a number of `instants`."""
+        sizes = (*(n.axles,) * 5, *(n.shafts,) * 2, n.bodies, n.bodies - 1)
+        return cls(*(np.zeros((*instants, size)) for size in sizes))
 
 
 class Workspace(NamedTuple):
@@ -383,11 +402,17 @@ def _scratch(model: Model, row: Rows, step: float) -> Scratch:
         acting=np.zeros(e.patch.factor.size),
         decline=np.zeros(bodies),
         peak=np.zeros(axles),
+        limit=np.zeros((3, axles)),
         mu=np.zeros(axles),
         load=np.zeros((2, axles + WIDTH)),
         car_force=np.zeros(cars),
         net=np.zeros(cars),
         tension=np.zeros(WIDTH + cars),
+        normal=filled(model.structure.static_load),
+        force=np.zeros(axles),
+        shoe=np.zeros(axles),
+        motor=np.zeros(axles),
+        shaft=np.zeros(axles),
         command=np.zeros(padded(n.units)),
         unit_speed=np.zeros(padded(n.units) + WIDTH),
         target=np.zeros(groups),
@@ -419,6 +444,6 @@ def workspace(model: Model, step: float) -> ByReference:
         unit=_units(model, row),
         rail=_rail(model),
         scratch=_scratch(model, row, step),
-        noted=Noted(np.zeros(n.axles), np.zeros(n.bodies)),
+        noted=Noted.of(n),
     )
     return ByReference(packed(found))

@@ -210,7 +210,6 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str 
     target
         Processor: x86-64, x86-64-v2, x86-64-v3, x86-64-v4 or aarch64. Higher levels are faster; only newer ones run them.
     """
-    from alloc.onboard.equipment import equipment
     from alloc.onboard.host import unit_contexts
     from alloc.sources import write_whole
     from studies.scenario.scenario import load_scenario
@@ -226,7 +225,7 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str 
     check_place(out)
     from mpc.export import export_unit
 
-    eq = equipment(event.model, event.onboard)
+    eq = event.equipment
     context = unit_contexts(event.model, eq, event.onboard, "mpc")[unit - 1]
     made = export_unit(context, context.settings, target, f"unit {unit} of {chosen.name}")
     make_folder(out)

@@ -10,7 +10,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.metrics.use import train_bounds
-from alloc.onboard.equipment import equipment
 from alloc.plant.model import structure_of
 from studies.core import drawn_events as shared
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, family, quantity
@@ -117,7 +116,7 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         **({} if start.load_t is not None else {"load_t": shared.tilted_loads(d, _cars(start))})
     )
     event = loaded.event()
-    plan = equipment(event.model, event.onboard).planned_share * asked / 3.6
+    plan = event.equipment.planned_share * asked / 3.6
     mean = plan * d["level_ratio"]
     fails = d["source"] == "failed motors"
     if fails:

@@ -20,7 +20,6 @@ from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from alloc.display import displayed
 from alloc.errors import OnboardError, PlantError
-from alloc.onboard.equipment import equipment
 from alloc.plant.adhesion import CURVES
 from alloc.plant.model import build
 from alloc.plant.sets import SETS
@@ -228,10 +227,7 @@ class Scenario(Strict):
         onboard = self.onboard.onboard(
             self.belief, self.rail.increments, rail.curve, axles, int(sensor_seed)
         )
-        equipment(
-            model, onboard
-        )  # refuses a train without traction, and a belief that does not fit
-        return Event(
+        event = Event(
             name=self.name,
             model=model,
             command=DriverCommand(
@@ -247,6 +243,8 @@ class Scenario(Strict):
             target_speed=None if self.target_speed_kmh is None else self.target_speed_kmh / 3.6,
             seed=seed,
         )
+        _ = event.equipment  # refuses a train without traction, and a belief that does not fit
+        return event
 
     @property
     def sources(self) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -58,9 +59,14 @@ class TrainFile:
         """First line of the file."""
         return self.path.read_text("utf-8").partition("\n")[0].lstrip("# ")
 
+    @cached_property
+    def train(self) -> Train:
+        """The train, made once: a study asks for the same one with every event."""
+        return train_of(tomllib.loads(self.path.read_text("utf-8")))
+
     def __call__(self) -> Train:
         """The train."""
-        return train_of(tomllib.loads(self.path.read_text("utf-8")))
+        return self.train
 
 
 for _name in NAMES:
