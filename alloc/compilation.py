@@ -13,8 +13,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, cast
 
+import llvmlite.binding as llvm
 import numba
 from numba.core.caching import Cache
 from numba.core.codegen import JITCodeLibrary
@@ -25,7 +26,7 @@ from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 from numba.extending import register_jitable
 
-from alloc.sources import cache_folder, code_hash, keep, kept, path_of
+from alloc.sources import SHIPPED, cache_folder, code_hash, keep, kept, path_of, shipped
 
 COMPILING = "readhesion: compiling the simulation, about a minute; later runs load what is compiled"
 
@@ -38,6 +39,32 @@ def _say_compiling() -> None:
         print(COMPILING, file=sys.stderr, flush=True)
     else:
         logging.getLogger(__name__).info(COMPILING)
+
+
+LEVELS = {
+    "x86-64-v4": ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"),
+    "x86-64-v3": ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"),
+}
+"""Levels of processors for which wheels bring machine code, best first, and what a processor of each has beside the next."""
+
+
+@lru_cache(maxsize=1)
+def levels() -> tuple[str, ...]:
+    """Those of `LEVELS` that this processor has."""
+    has = llvm.get_host_cpu_features()
+    lacking = [not all(has.get(one, False) for one in needed) for needed in LEVELS.values()]
+    return tuple(level for k, level in enumerate(LEVELS) if not any(lacking[k:]))
+
+
+class _Target(NamedTuple):
+    """What Numba compiles for where ``NUMBA_CPU_NAME`` is `level` and ``NUMBA_CPU_FEATURES`` is empty."""
+
+    triple: str
+    level: str
+
+    def magic_tuple(self) -> tuple[str, str, str]:
+        """Its part in the key of a kernel."""
+        return self.triple, self.level, ""
 
 
 class _Kernels(Cache):
@@ -54,9 +81,16 @@ class _Kernels(Cache):
         key = f"{self._said} {self._index_key(sig, codegen)}"
         return f"kernel-{hashlib.sha256(key.encode()).hexdigest()[:32]}"
 
+    def _content(self, sig: Any, codegen: Any) -> bytes | None:
+        """What is kept for this processor, or shipped for the best level that it has."""
+        content = kept(self._key(sig, codegen))
+        for level in levels() if content is None and SHIPPED.exists() else ():
+            content = content or shipped(self._key(sig, _Target(codegen.magic_tuple()[0], level)))
+        return content
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         target_context.refresh()
-        content = kept(self._key(sig, target_context.codegen()))
+        content = self._content(sig, target_context.codegen())
         with suppress(Exception):  # nothing is kept, or what another system's library made
             found = CompileResult._rebuild(target_context, *pickle.loads(content or b""))
             # types that look alike may be others: of a named tuple Numba shows neither fields nor module
@@ -98,12 +132,13 @@ class _Entry(CPUDispatcher):
     __slots__ = ()
 
     def compile(self, sig: Any) -> Any:
-        own, codegen = self.py_func.__qualname__, self.targetctx.codegen()
+        own, context = self.py_func.__qualname__, cast(Any, self.targetctx)
+        codegen = context.codegen()
 
         def library(codegen: Any, name: str) -> Any:
             return (JITCodeLibrary if name == own else _Linked)(codegen, name)
 
-        library._unserialize = JITCodeLibrary._unserialize  # of what is kept
+        cast(Any, library)._unserialize = JITCodeLibrary._unserialize  # of what is kept
         with global_compiler_lock:
             before, codegen._library_class = codegen._library_class, library
             try:
@@ -129,7 +164,7 @@ def compiled(function: Any, signature: Any = None, **options: Any) -> Any:
     dispatcher = numba.njit(**options)(function)
     if isinstance(dispatcher, CPUDispatcher):  # else compiling is switched off
         dispatcher.__class__ = _Entry
-        dispatcher._cache = _Kernels(function)
+        cast(Any, dispatcher)._cache = _Kernels(function)
         if signature is not None:
             dispatcher.compile(signature)
             dispatcher.disable_compile()
@@ -166,7 +201,8 @@ def inlined_jit(function: Any) -> Any:
     The compiler then sees the whole of a step, and keeps in registers what its parts share. No wrapper for calls from Python
     is made, for nobody makes any: such a call raises `TypeError`.
     """
-    part = numba.njit(**_COMPILED, forceinline=True, no_cpython_wrapper=True)(function)
+    options: Any = INLINED | _COMPILED | {"no_cpython_wrapper": True}
+    part = numba.njit(**options)(function)
     if isinstance(part, CPUDispatcher):
         part.__class__ = _Part
     return part

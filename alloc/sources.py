@@ -72,6 +72,19 @@ def keep(name: str, content: bytes) -> None:
     write_whole(cache_folder() / name, lambda aside: aside.write_bytes(content))
 
 
+SHIPPED = Path(__file__).with_name("kernels")
+"""What a wheel brings, as it was kept where the wheel was made; a clone has no such folder."""
+
+
+def shipped(name: str) -> bytes | None:
+    """Content that the wheel brings under `name`, undamaged; None where there is none."""
+    with suppress(OSError):
+        found = (SHIPPED / name).read_bytes()
+        if found[-_DIGEST:] == hashlib.sha256(found[:-_DIGEST]).digest():
+            return found[:-_DIGEST]
+    return None
+
+
 def kept(name: str) -> bytes | None:
     """Content that is kept under `name`; None where there is none. What is damaged is set aside, with a warning."""
     path = cache_folder() / name
