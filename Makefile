@@ -11,6 +11,7 @@ MUTANTS ?= 240
 SEED    ?= 11
 MINUTES ?= 30
 LEVELS  ?= x86-64-v3 x86-64-v4
+RUNS    ?= --controllers cut-and-ramp perturb-observe pi-creep mpc mpc-train
 
 .DEFAULT_GOAL := help
 .PHONY: help setup compare report figures docs results test test-newest test-lowest mutants mutants-again results-hash soak bench bench-keep wheel keys lint types clean
@@ -77,14 +78,14 @@ bench: $(BENCH)      ## run the benchmarks; fails where a ratio grew by a fifth
 bench-keep: setup    ## measure the ratios of docs/results/benchmarks.md and add them there
 	READHESION_KEEP_BENCHMARKS=1 $(BIN)/python -m pytest tests/benchmarks/test_history.py --benchmark-enable -p no:xdist
 
-wheel: setup         ## build dist/*.whl with the simulation compiled for processors of LEVELS, so that nobody has to wait for it
-	rm -rf build dist alloc/kernels && mkdir -p alloc/kernels
+wheel: setup         ## build dist/*.whl with what RUNS compile for processors of LEVELS, so that nobody waits for it
+	rm -rf build/kernels build/lib dist alloc/kernels && mkdir -p alloc/kernels
 	for level in $(LEVELS); do \
-	  READHESION_CACHE=build/$$level NUMBA_CPU_NAME=$$level NUMBA_CPU_FEATURES= $(BIN)/readhesion compare --rules alone --seeds 1 \
-	    --controllers cut-and-ramp perturb-observe pi-creep mpc mpc-train --out build/$$level > /dev/null && \
-	  cp build/$$level/readhesion/code/kernel-* alloc/kernels || exit; \
+	  READHESION_CACHE=build/kernels/$$level NUMBA_CPU_NAME=$$level NUMBA_CPU_FEATURES= $(BIN)/readhesion compare $(RUNS) \
+	    --rules alone --seeds 1 --out build/kernels/$$level > /dev/null && \
+	  cp build/kernels/$$level/readhesion/code/kernel-* alloc/kernels || exit; \
 	done
-	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist . && rm -rf build alloc/kernels
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist . && rm -rf build/kernels build/lib alloc/kernels
 
 keys: setup          ## write docs/keys.md, the reference of all keys of files
 	$(BIN)/readhesion schema --reference --out docs/keys.md

@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import pickle
 import pkgutil
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -151,6 +152,37 @@ def test_an_edit_elsewhere_compiles_again_and_a_comment_does_not(kernel, variabl
     assert kernel(variable, kernel=commented, law=commented) == (7.0, False)
     assert kernel(variable, factor=[("2.0", "5.0")]) == (16.0, True)
     assert kernel(variable) == (7.0, False)
+
+
+@pytest.mark.skipif(
+    not compilation.levels(), reason="wheels bring machine code for x86-64-v3 and better"
+)
+def test_a_wheel_brings_machine_code_for_the_levels_that_a_processor_has(
+    kernel, tmp_path, monkeypatch
+):
+    """What another process compiled for a level is found; not by a processor without the level, nor once it is damaged."""
+    assert kernel() == (7.0, True)
+    level, brought = compilation.levels()[-1], tmp_path / "kernels"
+    of_wheel = {
+        "READHESION_CACHE": str(tmp_path / "wheel"), "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": "",
+        "PYTHONPATH": os.pathsep.join((str(tmp_path), str(ROOT))),
+    }  # fmt: skip
+    program = "from pack.kernel import kernel; kernel(3.0)"
+    subprocess.run([sys.executable, "-c", program], env=os.environ | of_wheel, check=True)
+    brought.mkdir()
+    for path in (tmp_path / "wheel").rglob("kernel-*"):
+        shutil.copy(path, brought)
+    for module in (sources, compilation):
+        monkeypatch.setattr(module, "SHIPPED", brought)
+    shutil.rmtree(tmp_path / "cache")
+    assert kernel() == (7.0, False)
+    with monkeypatch.context() as patch:
+        patch.setattr(compilation, "levels", tuple)
+        assert kernel() == (7.0, True)
+    shutil.rmtree(tmp_path / "cache")
+    for path in brought.iterdir():
+        damage(path, np.random.default_rng(1))
+    assert kernel() == (7.0, True)
 
 
 def difference(pair):
