@@ -82,7 +82,7 @@ wheel: setup         ## build dist/*.whl with what RUNS compile for processors o
 	rm -rf build/kernels build/lib dist alloc/kernels && mkdir -p alloc/kernels
 	for level in $(LEVELS); do \
 	  READHESION_CACHE=build/kernels/$$level NUMBA_CPU_NAME=$$level NUMBA_CPU_FEATURES= $(BIN)/readhesion compare $(RUNS) \
-	    --rules alone --seeds 1 --out build/kernels/$$level > /dev/null && \
+	    --seeds 1 --out build/kernels/$$level > /dev/null && \
 	  cp build/kernels/$$level/readhesion/code/kernel-* alloc/kernels || exit; \
 	done
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist . && rm -rf build/kernels build/lib alloc/kernels
