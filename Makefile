@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+TOOLS  := $(VENV)/.tools-installed
 BENCH  := $(VENV)/.bench-installed
 DOCS   := $(VENV)/.docs-installed
 STUDY  ?=
@@ -23,18 +24,22 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "readhesion needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version). Try: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,lint]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[report]'
 	@touch $(STAMP)
 
-setup: $(STAMP)      ## create .venv and install (a second call does nothing)
+$(TOOLS): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,lint]'
+	@touch $(TOOLS)
 
-compare: setup       ## the main job: every rule with every controller over the shipped slip events
+setup: $(TOOLS)      ## create .venv and install (a second call does nothing)
+
+compare: $(STAMP)    ## the main job: every rule with every controller over the shipped slip events
 	$(BIN)/readhesion compare
 
-report: setup        ## the same as one page that opens offline: report.html
+report: $(STAMP)     ## the same as one page that opens offline: report.html
 	$(BIN)/readhesion report
 
-figures: setup       ## draw the figures of the papers
+figures: $(STAMP)    ## draw the figures of the papers
 	$(BIN)/readhesion figures
 
 $(DOCS): $(STAMP)
