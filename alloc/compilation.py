@@ -28,7 +28,9 @@ from numba.extending import register_jitable
 
 from alloc.sources import SHIPPED, cache_folder, code_hash, keep, kept, path_of, shipped
 
-COMPILING = "readhesion: compiling the simulation, about half a minute; later runs load what is compiled"
+COMPILING = (
+    "readhesion: compiling the simulation, about half a minute; later runs load what is compiled"
+)
 
 
 @lru_cache(maxsize=1)

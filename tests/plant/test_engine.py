@@ -1,5 +1,6 @@
 """The compiled engine is the NumPy plant: back ends agree, order four, stiffness bounds the step, padding stays nothing."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise, product
 
@@ -117,6 +118,28 @@ def _assert_agree(actual: np.ndarray, expected: np.ndarray, n, case: str = "") -
             actual[part], expected[part], rtol=1e-12, atol=1e-12 * scale, err_msg=case
         )
         first += size
+
+
+def assert_back_ends_agree(model: Model, speeds: Sequence[float], rail: Sequence[str] = ()) -> None:
+    """Numba and CasADi against NumPy on random states, and `Model.stiffness` over the Jacobian at these speeds [m/s].
+
+    `rail`: what of the rail under the train is drawn too, by its names in `environment_at`.
+    """
+    arrays, function = ArrayModel.of(model), _casadi_function(model)
+    for seed in range(9):
+        state, inputs, left = _random(model, seed)
+        under = {name: left[name] for name in rail}
+        local = environment_at(model, 0.0, state, arrays=arrays, **under)
+        expected = arrays.derivative(state, inputs, local)
+        slope, _ = compiled_rate(model, state, inputs, **under)
+        _assert_agree(slope, expected, model.layout, f"numba, {seed}")
+        symbolic = np.asarray(function(state, *inputs, *local)).ravel()
+        _assert_agree(symbolic, expected, model.layout, f"casadi, {seed}")
+    for speed in speeds:
+        state = model.initial_state(speed)
+        state[model.layout.torque] = 1000.0
+        state[model.layout.recovery] = 0.5
+        assert _spectral_radius(model, arrays, state) <= model.stiffness() * (1.0 + 1e-3)
 
 
 @looped("name", SETS)

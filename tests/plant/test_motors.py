@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from alloc.balance import mechanical_energy
 from alloc.errors import PlantError
 from alloc.plant.adhesion import PiecewiseCurve
-from alloc.plant.array_model import ArrayModel
 from alloc.plant.laws import induction_motor_torque, series_motor_torque
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Rail
@@ -18,8 +17,8 @@ from alloc.plant.sets import find_set
 from alloc.plant.train import Motors, Train
 from tests.cases import looped
 from tests.plant.conftest import FLAT
-from tests.plant.numpy_plant import compiled_rate, environment_at
-from tests.plant.test_engine import _assert_agree, _casadi_function, _random, _spectral_radius
+from tests.plant.numpy_plant import compiled_rate
+from tests.plant.test_engine import _random, assert_back_ends_agree
 
 BREAKDOWN, SLIP = 10e3, 40.0
 """Breakdown torque [N m] and slip at it [rad/s] of an induction motor; a series motor takes the second as its base speed."""
@@ -67,19 +66,7 @@ def test_a_faster_motor_gives_less_and_the_mean_one_what_is_asked(share, mean, o
 @looped(("kind", "group"), [("induction", "1C4M"), ("induction", "1C2M"), ("series", "1C4M")])
 def test_back_ends_agree_and_the_stiffness_bounds_the_jacobian(kind, group):
     model = _model(kind, group)
-    arrays, function = ArrayModel.of(model), _casadi_function(model)
-    for seed in range(9):
-        state, inputs, _ = _random(model, seed)
-        local = environment_at(model, 0.0, state, arrays=arrays)
-        expected = arrays.derivative(state, inputs, local)
-        slope, _ = compiled_rate(model, state, inputs)
-        _assert_agree(slope, expected, model.layout, f"numba, {seed}")
-        symbolic = np.asarray(function(state, *inputs, *local)).ravel()
-        _assert_agree(symbolic, expected, model.layout, f"casadi, {seed}")
-    for speed in (1.0, 20.0):
-        state = model.initial_state(speed)
-        state[model.layout.torque] = 1000.0
-        assert _spectral_radius(model, arrays, state) <= model.stiffness() * (1.0 + 1e-3)
+    assert_back_ends_agree(model, (1.0, 20.0))
 
 
 @looped("kind", KINDS)

@@ -6,14 +6,12 @@ import pytest
 from alloc.balance import energy_balance
 from alloc.errors import PlantError
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve
-from alloc.plant.array_model import ArrayModel
 from alloc.plant.laws import cleaned_degree, recovered_peak, recovery_rate
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
 from tests.cases import looped
-from tests.plant.numpy_plant import compiled_rate, environment_at
-from tests.plant.test_engine import _assert_agree, _casadi_function, _random, _spectral_radius
+from tests.plant.test_engine import assert_back_ends_agree
 
 RECOVERING = {"recovered_coefficient": 0.28, "recovery_energy": 1000.0}
 
@@ -21,18 +19,7 @@ RECOVERING = {"recovered_coefficient": 0.28, "recovery_energy": 1000.0}
 @looped(("name", "curve"), [("commuter-8car", PiecewiseCurve()), ("freight-5", POLACH_WET)])
 def test_back_ends_agree_and_the_stiffness_bounds_the_jacobian(name, curve):
     model = build(find_set(name), Rail(0.06, curve=curve, **RECOVERING))
-    arrays, function = ArrayModel.of(model), _casadi_function(model)
-    for seed in range(9):
-        state, inputs, left = _random(model, seed)
-        local = environment_at(model, 0.0, state, arrays=arrays, cleaning=left["cleaning"])
-        expected = arrays.derivative(state, inputs, local)
-        slope, _ = compiled_rate(model, state, inputs, cleaning=left["cleaning"])
-        _assert_agree(slope, expected, model.layout, f"numba, {seed}")
-        symbolic = np.asarray(function(state, *inputs, *local)).ravel()
-        _assert_agree(symbolic, expected, model.layout, f"casadi, {seed}")
-    state = model.initial_state(20.0)
-    state[model.layout.recovery] = 0.5
-    assert _spectral_radius(model, arrays, state) <= model.stiffness() * (1.0 + 1e-3)
+    assert_back_ends_agree(model, (20.0,), ("cleaning",))
 
 
 def test_the_degree_follows_the_energy_on_a_metre_of_rail():

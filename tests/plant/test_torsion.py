@@ -8,7 +8,6 @@ import pytest
 from alloc.balance import energy_balance
 from alloc.errors import PlantError
 from alloc.plant.adhesion import PiecewiseCurve
-from alloc.plant.array_model import ArrayModel
 from alloc.plant.laws import swing_torque
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Rail
@@ -16,8 +15,7 @@ from alloc.plant.sets import find_set
 from alloc.plant.train import Motors, Train
 from tests.cases import looped
 from tests.plant.conftest import FLAT
-from tests.plant.numpy_plant import compiled_rate, environment_at
-from tests.plant.test_engine import _assert_agree, _casadi_function, _random, _spectral_radius
+from tests.plant.test_engine import assert_back_ends_agree
 
 ROTOR = 1.0
 """Inertia of a rotor [kg m2], at the wheel a third of the wheelset's."""
@@ -38,20 +36,7 @@ def _model(train: Train, **rail: object) -> Model:
 
 @looped("kind", ["torque", "induction"])
 def test_back_ends_agree_and_the_stiffness_bounds_the_jacobian(kind):
-    model = _model(_twisting(find_set("commuter-8car"), kind=kind))
-    arrays, function = ArrayModel.of(model), _casadi_function(model)
-    for seed in range(9):
-        state, inputs, _ = _random(model, seed)
-        local = environment_at(model, 0.0, state, arrays=arrays)
-        expected = arrays.derivative(state, inputs, local)
-        slope, _ = compiled_rate(model, state, inputs)
-        _assert_agree(slope, expected, model.layout, f"numba, {seed}")
-        symbolic = np.asarray(function(state, *inputs, *local)).ravel()
-        _assert_agree(symbolic, expected, model.layout, f"casadi, {seed}")
-    for speed in (1.0, 20.0):
-        state = model.initial_state(speed)
-        state[model.layout.torque] = 1000.0
-        assert _spectral_radius(model, arrays, state) <= model.stiffness() * (1.0 + 1e-3)
+    assert_back_ends_agree(_model(_twisting(find_set("commuter-8car"), kind=kind)), (1.0, 20.0))
 
 
 def test_energy_closes_and_a_stiff_drive_is_a_rigid_one(run, train):
