@@ -331,7 +331,10 @@ class Car:
         turning = self.motors.rotor_inertia * self.motors.gear_ratio**2 if self.motors else 0.0
         own = [j for j, drives in zip(self.wheel_inertia, self.driven, strict=True) if drives]
         if turning >= min(own, default=math.inf):
-            yield f"its motors' rotor_inertia is {turning:g} kg m2 at the wheel, but must be part of wheel_inertia"
+            yield (
+                f"rotor_inertia = {self.motors and self.motors.rotor_inertia!r} of its motors is {turning:g} kg m2 at the "
+                f"wheel; it must be less than wheel_inertia = {min(own)!r}, of which it is a part"
+            )
         cut_out = () if self.air_brake is None else self.air_brake.cut_out
         if any(bogie > bogies[-1] for bogie in cut_out):
             yield f"cut_out = {cut_out}, but its bogies are 0 to {bogies[-1]}"

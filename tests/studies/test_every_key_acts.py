@@ -105,6 +105,11 @@ BESIDE: dict[str, dict[str, Any]] = {
     "onboard.mpc.search.given_share": {"onboard": {"mpc": {"search": {"seek": False}}}},
     "motors.breakdown_torque_nm": {"motors": {"kind": "induction"}},
     "motors.slip_speed_rpm": {"motors": {"kind": "induction"}},
+    "motors.shaft_stiffness_nm_per_rad": {"motors": {"rotor_inertia_kgm2": 1.0}},
+    "motors.shaft_damping": {"motors": {"rotor_inertia_kgm2": 1.0}},
+    "rail.recovery_energy_j_per_m": {"rail": {"recovered_coefficient": 0.3}},
+    "rail.recovery_time_s": {"rail": {"recovered_coefficient": 0.3}},
+    "rail.recovery_left": {"rail": {"recovered_coefficient": 0.3}},
     "onboard.hold_time_s": {"onboard": {"trigger": "slip"}},
     "onboard.sanding.until_s": {"onboard": {"sanding": {"begin_s": 1.0}}},
     "onboard.reference.radius_deviation": {
