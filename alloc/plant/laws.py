@@ -317,10 +317,11 @@ def recovered_peak(peak, degree, recovered):
 
 @equation
 def recovery_rate(degree, power, speed, energy, time):
-    """Rate [1/s] of a contact's degree of cleaning, whose slip dissipates `power` [W]: Allotta, Meli, Ridolfi, Rindi (2014).
+    """Rate [1/s] of a contact's degree of cleaning, whose slip dissipates `power` [W].
 
-    It follows tanh(W / `energy`) with the time constant `time` [s], where W [J/m] is the energy dissipated on a metre of
-    rail, at least on one metre a second.
+    After Allotta, Meli, Ridolfi, Rindi (2014), of whom only the abstract could be read: the form is assumed. It follows
+    tanh(W / `energy`) with the time constant `time` [s], where W [J/m] is the energy dissipated on a metre of rail, at least
+    on one metre a second.
     """
     share = absolute(power) / (maximum(absolute(speed), CREEPAGE_SPEED_FLOOR) * energy)
     rest = exp(-2.0 * share)

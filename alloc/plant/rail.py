@@ -151,12 +151,11 @@ class Rail:
     """Resolution of the cleaned or sanded rail [m]."""
     recovered_coefficient: float = 0.0
     """Coefficient to which the energy that slip dissipates raises a lower one, under the wheel itself; 0: it does not.
-    Source: form: Allotta, Meli, Ridolfi, Rindi, Tribology International 69 (2014), after tests at Velim; they have 0.06
-    degraded and 0.28 recovered."""
+    Source: idea: Allotta, Meli, Ridolfi, Rindi, Tribology International 69 (2014), after tests at Velim."""
     recovery_energy: float = 4200.0
-    """Energy on a metre of rail that recovers 76 % of the difference [J/m]. Source: assumed, of the order of those tests."""
+    """Energy on a metre of rail that recovers 76 % of the difference [J/m]. Source: assumed."""
     recovery_time: float = 0.1
-    """Time constant of the recovery [s]. Source: assumed, of the order of those tests."""
+    """Time constant of the recovery [s]. Source: assumed."""
     recovery_left: float = 0.25
     """Share of an axle's recovery that stays on the rail for those behind, 0 to 1. Source: assumed."""
     sanded_coefficient: float = 0.40

@@ -42,7 +42,7 @@ NONE, DRAWN = "none", "all, as drawn"
 ROTOR = {"rotor_inertia_kgm2": 1.0}
 """Assumed; at the wheel 5 to 32 % of the wheelset's inertia, by train."""
 RECOVERED = {"recovered_coefficient": 0.28, "conditioning": 0.0}
-"""Clean rail after the tests at Velim, in place of what a start has of wheels that clean."""
+"""Assumed for clean wheels on wet rail, in place of what a start has of wheels that clean."""
 RIG = {"curve": {"kind": "polach-rig"}}
 EFFECTS: Mapping[str, Effect] = {
     NONE: Effect(),
@@ -63,7 +63,7 @@ QUANTITIES: dict[str, Quantity] = {
     "torque_lag_s": log_uniform(0.005, 0.1, " s", "the readhesion paper has 5 ms; 100 ms where commands pass a train bus"),
     "shaft_stiffness_nm_per_rad": log_uniform(1e6, 1e7, " N m/rad", "a steel axle has 5e6; couplings of rubber have less"),
     "recovery": one_of(("yes", "no"), "equally likely", "wet rail recovers, dry rail has nothing to recover"),
-    "recovery_energy_j_per_m": log_uniform(1e3, 1e4, " J/m", "about the order of the tests at Velim"),
+    "recovery_energy_j_per_m": log_uniform(1e3, 1e4, " J/m", "assumed: from a quarter to two and a half of the usual value"),
     "curve": one_of(("own", "rig"), "equally likely", "the start's own curve, or one with its peak below 1 % slip"),
 }  # fmt: skip
 EVENTS = DrawnEvents("effects", QUANTITIES, stream=(41,))
