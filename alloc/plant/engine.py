@@ -383,8 +383,8 @@ def find_limits(kind, curve, peak, speed, contact, limit, slip):
 
 # The plant compiled: a fixed-step integrator, with what acts between steps.
 #
-# Between steps the rail is read and changed (`rail_memory`), and brake commands pass through the cylinders' dead time;
-# the right side is in `right_side`.
+# Between steps the rail is read and changed (`alloc.plant.rail`), and brake commands pass through the cylinders' dead
+# time.
 
 
 @jit
