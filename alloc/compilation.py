@@ -26,7 +26,7 @@ from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 from numba.extending import register_jitable
 
-from alloc.sources import SHIPPED, cache_folder, code_hash, keep, kept, path_of, shipped
+from alloc.sources import cache_folder, code_hash, keep, kept, path_of, shipped
 
 COMPILING = (
     "readhesion: compiling the simulation, about half a minute; later runs load what is compiled"
@@ -85,10 +85,9 @@ class _Kernels(Cache):
 
     def _content(self, sig: Any, codegen: Any) -> bytes | None:
         """What is kept for this processor, or shipped for the best level that it has."""
-        content = kept(self._key(sig, codegen))
-        for level in levels() if content is None and SHIPPED.exists() else ():
-            content = content or shipped(self._key(sig, _Target(codegen.magic_tuple()[0], level)))
-        return content
+        triple = codegen.magic_tuple()[0]
+        names = (self._key(sig, _Target(triple, level)) for level in levels())
+        return kept(self._key(sig, codegen)) or next(filter(None, map(shipped, names)), None)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         target_context.refresh()

@@ -79,19 +79,22 @@ SHIPPED = Path(__file__).with_name("kernels")
 def shipped(name: str) -> bytes | None:
     """Content that the wheel brings under `name`, undamaged; None where there is none."""
     with suppress(OSError):
-        found = (SHIPPED / name).read_bytes()
-        if found[-_DIGEST:] == hashlib.sha256(found[:-_DIGEST]).digest():
-            return found[:-_DIGEST]
+        return _undamaged((SHIPPED / name).read_bytes())
     return None
+
+
+def _undamaged(found: bytes) -> bytes | None:
+    """The content of a file that was kept; None where its digest is that of another."""
+    content = found[:-_DIGEST]
+    return content if found[-_DIGEST:] == hashlib.sha256(content).digest() else None
 
 
 def kept(name: str) -> bytes | None:
     """Content that is kept under `name`; None where there is none. What is damaged is set aside, with a warning."""
     path = cache_folder() / name
     with suppress(OSError):  # another process may set it aside, or delete it
-        found = path.read_bytes()
-        content = found[:-_DIGEST]
-        if found[-_DIGEST:] == hashlib.sha256(content).digest():
+        content = _undamaged(path.read_bytes())
+        if content is not None:
             os.utime(path)
             return content
         aside = path.with_name(f"damaged-{name}")

@@ -157,6 +157,10 @@ class Odometer:
         if any(axle < 0 for axle in self.axles):
             raise OnboardError(f"odometer: axles = {self.axles} count from 0")
 
+    def count(self, position: float, speed: float, wheel_speed: Floats) -> _Count:
+        """A count that begins here."""
+        return _Count(self, position, wheel_speed)
+
 
 @dataclass(frozen=True)
 class CoilCounter:
@@ -172,6 +176,10 @@ class CoilCounter:
 
     def __post_init__(self) -> None:
         OnboardError.check("coil counter", self, positive=("spacing",), infinite=())
+
+    def count(self, position: float, speed: float, wheel_speed: Floats) -> _CoilCount:
+        """A count that begins here."""
+        return _CoilCount(self.spacing, position, speed)
 
 
 @dataclass(frozen=True)
@@ -214,11 +222,7 @@ class Detection:
         signal = (position, speed)
         if self._odometer is not None:
             if self._count is None:
-                self._count = (
-                    _CoilCount(self._odometer.spacing, position, speed)
-                    if isinstance(self._odometer, CoilCounter)
-                    else _Count(self._odometer, position, wheel_speed)
-                )
+                self._count = self._odometer.count(position, speed, wheel_speed)
             signal = self._count.read(time, position, wheel_speed, self._period)
         self._signals.append(signal)
         position, speed = self._signals[0]

@@ -289,7 +289,6 @@ class Environment(NamedTuple):
     conditioning: float  # gain
     conditioning_slip: float  # slip ratio
     conditioned: bool
-    recovers: bool
     recovered: float  # coefficient of clean contacts
     recovery_energy: float  # [J/m]
     recovery_time: float  # [s]
@@ -372,7 +371,6 @@ def environment_of(
         conditioning=rail.conditioning,
         conditioning_slip=rail.conditioning_slip,
         conditioned=rail.conditioning > 0.0 or layout.recoveries > 0,
-        recovers=layout.recoveries > 0,
         recovered=rail.recovered_coefficient,
         recovery_energy=rail.recovery_energy,
         recovery_time=rail.recovery_time,
@@ -471,7 +469,7 @@ class Model:
             rates.append(float(1.0 / s.unit_lag.min()))
             rates.append(float(self._motor_rates().max()))
             rates.append(float(self._shaft_rates().max()))
-        if self.environment.recovers:
+        if self.layout.recoveries:
             rates.append(1.0 / self.rail.recovery_time)
         if s.group_fill.size:
             rates += [1.0 / LOCK_TIME, float(1.0 / min(s.group_fill.min(), s.group_release.min()))]

@@ -381,6 +381,7 @@ def _rail(model: Model) -> RailConstants:
         air_factor=e.line[1],
         curving=e.line[2],
         curved=bool(e.line[2].any()),
+        recovers=model.layout.recoveries > 0,
         uniform=bool(np.all(e.line == e.line[:, :1])),
     )
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from alloc.plant.model import offered_by, structure_of
+from alloc.plant.model import offered_by
 from studies.core import drawn_events as shared
 from studies.core.claims import AT_LEAST, Claim, family
 from studies.core.drawn_events import (
@@ -148,9 +148,9 @@ def _rail(event: Scenario, keys: Mapping[str, Any]) -> dict[str, Any]:
     """The start's rail with other keys; another curve offers what its own does at 15 km/h, and what grows with it grows."""
     rail: dict[str, Any] = event.rail.model_dump() | dict(keys)
     if "curve" in keys:
-        train, level = event.event().model.train, rail["level"]
-        own = offered_by(event.rail.curve.curve(), level, START_SPEED, structure_of(train)[0])
-        rail |= shared.rail_offering(keys["curve"], own, START_SPEED, train)
+        model, level = event.event().model, rail["level"]
+        own = offered_by(model.rail.curve, level, START_SPEED, model.structure)
+        rail |= shared.rail_offering(keys["curve"], own, START_SPEED, model.train)
         scale = rail["level"] / level
         rail["increments"]["values"] = [scale * one for one in rail["increments"]["values"]]
         rail["scatter"] *= scale

@@ -8,7 +8,7 @@ it is plausible.
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -138,21 +138,9 @@ def _motors(keys: Mapping[str, Any], radius: float, count: int, axle_mass: float
         drive, brake = (
             _within_adhesion(one, law, radius / gear_ratio, axle_mass) for one in (drive, brake)
         )
-    own = {
-        name: given[name]
-        for name in (
-            "torque_lag",
-            "breakdown_torque",
-            "slip_speed",
-            "rotor_inertia",
-            "shaft_stiffness",
-            "shaft_damping",
-        )
-        if name in given
-    }
-    return Motors(
-        keys["inverter_group"], gear_ratio, drive, brake, kind=keys.get("kind") or "torque", **own
-    )
+    further = [item.name for item in fields(Motors)[4:]]  # those beside inverters, gear and limits
+    own = {name: given[name] for name in further if name in given}
+    return Motors(keys["inverter_group"], gear_ratio, drive, brake, **own)
 
 
 def _within_adhesion(
