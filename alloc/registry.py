@@ -20,6 +20,14 @@ from alloc.display import table
 Part = TypeVar("Part")
 
 
+class UnknownName(KeyError):
+    """No part has this name; the message has the nearest."""
+
+    def __str__(self) -> str:
+        """The message as it is: that of `KeyError` is in quotes."""
+        return str(self.args[0])
+
+
 class Registry(Mapping[str, Part], Generic[Part]):
     """Name -> part of one `kind`; modules that register parts are imported when a part is asked for.
 
@@ -81,11 +89,10 @@ class Registry(Mapping[str, Part], Generic[Part]):
 
     def find(self, name: str) -> Part:
         """The part called `name`; raises the registry's error with the nearest name for one that does not exist."""
-        if name not in self:
-            near = get_close_matches(name, list(self), 1, 0.4)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            raise self._error(f"unknown {self.kind} {name!r}; {hint}Known: {', '.join(self)}")
-        return self[name]
+        try:
+            return self[name]
+        except UnknownName as error:
+            raise self._error(str(error)) from None
 
     def origin(self, name: str) -> str:
         """Module that a part comes from."""
@@ -99,7 +106,13 @@ class Registry(Mapping[str, Part], Generic[Part]):
     def __getitem__(self, name: str) -> Part:
         self._fill()
         # parts that are loaded stay where they are, so that the order of names does not tell what was asked for
-        return self._parts[name] if name in self._parts else self._installed[name].load()
+        if name in self._parts:
+            return self._parts[name]
+        if name in self._installed:
+            return self._installed[name].load()
+        near = get_close_matches(str(name).lower(), [*self._parts, *self._installed], 1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise UnknownName(f"unknown {self.kind} {name!r}; {hint}Known: {', '.join(self)}")
 
     def __iter__(self) -> Iterator[str]:
         self._fill()

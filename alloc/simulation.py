@@ -139,6 +139,7 @@ def simulate(
     also the same event: each run depends on its own call alone. A plug-in's rule and `on_progress` must allow it too.
     """
     check_compiling()
+    _check_kinds(event, rule, controller)
     try:
         found = CONTROLLERS.find(controller) if isinstance(controller, str) else controller
     except OnboardError as error:
@@ -204,6 +205,28 @@ def simulate(
     )
     check_run(model, record.plant, run)
     return run
+
+
+def _check_kinds(event: Any, rule: Any, controller: Any) -> None:
+    """Raise `SimulationError` for what is natural to give and is no event, rule or controller."""
+    if not isinstance(event, Event):
+        wanted = (
+            "its method event(seed) gives one"
+            if hasattr(event, "event")
+            else "`readhesion.simulate` takes names too"
+        )
+        raise SimulationError(f"event = {event!r:.80} is no Event: {wanted}")
+    for name, part, kinds, wanted in (
+        ("rule", rule, (str, Rule), "Rule(name, description, function)"),
+        ("controller", controller, (str, HostedController, type),
+         "HostedController(name, meaning, each_unit(class), colour, marker)"),
+    ):  # fmt: skip
+        if isinstance(part, list | tuple):
+            raise SimulationError(
+                f"{name} = {part!r:.80}: a run has one; `readhesion.compare` runs several"
+            )
+        if not isinstance(part, kinds) or (isinstance(part, type) and not hasattr(part, "law")):
+            raise SimulationError(f"{name} = {part!r:.80} is none: give its name, or {wanted}")
 
 
 def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) -> Given:

@@ -177,6 +177,10 @@ class Rail:
         positive = ("level", *lengths, "conditioning_slip", *sand, *recovery)
         nonnegative = ("scatter", "conditioning", "recovered_coefficient")
         PlantError.check("rail", self, positive, nonnegative)
+        if self.speed_law == "none" and self.level > 1.0:
+            raise PlantError(
+                f"rail: level = {self.level!r} must be a coefficient, at most 1: 14 % is 0.14"
+            )
         if self.increments is not None:
             PlantError.check("rail", self, finite=("increments[]",))
         for fault in self._faults():

@@ -83,6 +83,10 @@ _ADVICE = {
 }
 
 
+MOST_EXPECTED = 10.0
+"""A greater coefficient is a percentage or a force by mistake."""
+
+
 @displayed
 @dataclass(frozen=True, eq=False)
 class AllocationProblem:
@@ -124,6 +128,10 @@ class AllocationProblem:
         put(self, "cap", cap)
         AllocationError.check("allocation", self, positive=("expected",))
         put(self, "expected", float(self.expected))
+        if self.expected > MOST_EXPECTED:
+            raise AllocationError(
+                f"expected = {self.expected!r} must be a coefficient, such as 0.17 for 17 %"
+            )
         if not isinstance(self.slip, bool | np.bool_):
             raise AllocationError(f"slip = {self.slip!r} must be True or False")
         for name in ("mass", "limit_max", "previous", "delivered", "truth", "deviation"):

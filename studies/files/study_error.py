@@ -3,8 +3,10 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+from alloc.errors import InputError
 
-class StudyError(ValueError):
+
+class StudyError(InputError):
     """A study cannot be made as asked; the message is one line that names the thing and what to do."""
 
 
@@ -14,7 +16,7 @@ class FileWarning(UserWarning):
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """The known name that `name` most resembles, None if there is none."""
-    found = get_close_matches(name, list(known), 1, cutoff=0.5)
+    found = get_close_matches(name.lower(), list(known), 1)
     return found[0] if found else None
 
 
