@@ -1,9 +1,10 @@
 """Many runs in a folder of results: `readhesion compare`, `sweep`, `merge`."""
 
 import json
+import shlex
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -49,13 +50,17 @@ def compare(
     keep: Names = None,
     retry_failed: Annotated[bool, Parameter(negative=())] = False,
     figures: bool = True,
+    every_event: Annotated[bool, Parameter("--all", negative=())] = False,
+    text: Annotated[Literal["csv", "markdown", "latex"] | None, Parameter("--format")] = None,
+    dry_run: Annotated[bool, Parameter(negative=())] = False,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> int:
     """Run rules and controllers over the same slip events and print how well each does.
 
-    Rows that the output folder already holds are not run again. A run in which rule or
-    controller failed in more than 5 % of their calls is "degraded" and enters no mean. The exit
-    code is 1 if no run is ok.
+    It ends with one table over all events, a sentence, and table.csv in the output folder. Rows
+    that the folder already holds are not run again. A run in which rule or controller failed in
+    more than 5 % of their calls is "degraded" and enters no mean. The exit code is 1 if no run is
+    ok.
 
     Parameters
     ----------
@@ -81,15 +86,29 @@ def compare(
         Run failed rows again.
     figures
         Draw the figures that belong to a comparison.
+    every_event
+        Print the table of each event too, with more columns; it is printed of a single one anyway.
+    text
+        Print the table over all events as CSV, Markdown or LaTeX, and nothing else.
+    dry_run
+        Say how many runs there are, how many are to be made and about how long they take; run none.
     as_json
         Print JSON with every metric instead of tables.
     """
     from alloc.recording import provenance
-    from alloc.sources import code_hash
-    from studies.comparison.summary import DEFAULT_SEEDS, KEPT_RUNS, make_grid, summarise, to_json
-    from studies.comparison.table import tables
+    from alloc.sources import code_hash, write_whole
+    from studies.comparison.pooled import ALL, notes, pooled, pooled_table, printed, sentence
+    from studies.comparison.summary import (
+        DEFAULT_SEEDS,
+        KEPT_RUNS,
+        REFERENCE,
+        make_grid,
+        summarise,
+        to_json,
+    )
+    from studies.comparison.table import left_out, tables
     from studies.core.own_parts import try_parts
-    from studies.core.run import read_shard, run_cells
+    from studies.core.run import forecast, read_shard, run_cells
     from studies.core.store import Store
 
     shard = read_shard(work.shard)
@@ -101,6 +120,9 @@ def compare(
     chosen = _scenarios(parts["scenario"], line, train)
     grid = make_grid(chosen, parts["rules"], parts["controllers"], seeds)
     cells = shard.of_cells(grid.jobs())
+    if dry_run:
+        console().print(forecast(cells, Store(out), process_count(work.jobs)))
+        return 0
     kept = KEPT_RUNS if keep is None else keep
     check = partial(try_parts, grid.rules, grid.controllers)
     with work.workers() as workers, progress() as on_row:
@@ -120,12 +142,27 @@ def compare(
             **provenance(),
         }
         print(to_json(lines, about))
+    elif text is not None:
+        print(printed(pooled(lines), text), end="")
     else:
         screen = console()
-        for item in tables(lines, {s.name: s.title for s in chosen}, screen.width):
-            screen.print(item)
-        screen.print(f"{counted(table, 'runs')}{of_shard(work)}; table in {store.path}")
-    if figures and not work.shard:
+        over_all = pooled(lines)
+        if every_event or len(chosen) == 1:
+            for item in tables(lines, {s.name: s.title for s in chosen}, screen.width):
+                screen.print(item)
+        elif bad := [note for line in lines for note in left_out(line)]:
+            screen.print(*bad, sep="\n")
+        if over_all and len(chosen) > 1:
+            screen.print(
+                f"[bold]{ALL}[/bold]: means, and what is more than under {REFERENCE}, paired by event:"
+            )
+            screen.print(pooled_table(over_all), *notes(over_all), sentence(over_all), sep="\n")
+        screen.print(f"{counted(table, 'runs')}{of_shard(work)}; rows in {store.path}")
+        if over_all:
+            place = store.folder / "table.csv"
+            write_whole(place, partial(Path.write_text, data=printed([*over_all, *lines], "csv")))
+            screen.print(f"numbers in {place}; next: readhesion report{_results(out)}")
+    if figures and text is None and not work.shard:
         from studies.core.gallery import Asked, draw_comparison
 
         more = {"line": said(line), "train": said(train), "out": said(out, Path("results"))}
@@ -135,6 +172,10 @@ def compare(
         if written and not as_json:
             console().print(f"figures in {store.folder / 'figures'}: {', '.join(written)}")
     return 0 if table.empty or (table["status"] == "ok").any() else ALL_FAILED
+
+
+def _results(out: Path) -> str:
+    return "" if out == Path("results") else f" --results {shlex.quote(str(out))}"
 
 
 def _scenarios(names: list[str] | None, line: str | None, train: str | None) -> "list[Scenario]":

@@ -18,6 +18,11 @@ from studies.command_line.options import (
 )
 from studies.files.writable import LOG, MOVING_FIGURE, RUN, check_file
 
+HEADLINES = (
+    "bound_use", "headroom", "over_delivery", "acceleration_ratio", "slip_time", "damage", "jerk_rms", "search_time",
+)  # fmt: skip
+"""What is printed of a run where not all is asked for."""
+
 
 def simulate(
     scenario: str,
@@ -28,9 +33,10 @@ def simulate(
     out: FilePath | None = None,
     log: FilePath | None = None,
     figure: FilePath | None = None,
+    every_metric: Annotated[bool, Parameter("--all", negative=())] = False,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> None:
-    """Run one slip event and print its metrics.
+    """Run one slip event and print its main metrics.
 
     Parameters
     ----------
@@ -49,8 +55,10 @@ def simulate(
         it, with the ending .train.toml.
     figure
         File for a figure of the run (pdf, png or svg), or for one that moves (gif).
+    every_metric
+        Print every metric.
     as_json
-        Print JSON instead of a table.
+        Print JSON with every metric instead of a table.
     """
     from rich.table import Table
 
@@ -58,6 +66,7 @@ def simulate(
     from alloc.recording import save
     from alloc.sources import write_whole
     from studies.comparison.summary import check_names
+    from studies.comparison.table import minus
     from studies.core.job import Job, simulate_job
     from studies.core.own_parts import try_parts
     from studies.logs.simulated import train_beside, write_log
@@ -91,8 +100,10 @@ def simulate(
     table = Table(title=f"{chosen.name}: {rule}, {controller}, seed {seed}", title_justify="left")
     for heading in ("metric", "value", "unit", "meaning"):
         table.add_column(heading, justify="right" if heading == "value" else "left")
-    for name, value in values.items():
-        metric = METRICS[name]
-        shown = "–" if value != value else f"{value:.4g}"
+    for name in values if every_metric else HEADLINES:
+        metric, value = METRICS[name], values[name]
+        shown = "–" if value != value else minus(f"{value:.4g}")
         table.add_row(name, shown, "" if metric.unit == "1" else metric.unit, metric.description)
     console().print(table)
+    if not every_metric:
+        console().print(f"{len(values) - len(HEADLINES)} more metrics: --all")

@@ -1,5 +1,6 @@
 """The printed tables of a comparison: one per scenario, as many columns as the terminal is wide."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -58,6 +59,12 @@ DIFFERENCES = (
 )
 """What is printed of the differences from the reference rule; the JSON has every metric."""
 
+
+def minus(text: str) -> str:
+    """Numbers with true minus signs."""
+    return re.sub(r"-(?=[0-9])", "−", text)
+
+
 GAP = 2
 """Spaces between two columns: one of padding, one in place of the box's line."""
 
@@ -103,7 +110,7 @@ def _signed(line: SummaryLine, column: Column) -> str:
     if mean.count == 0:
         return "–"
     text = f"{column.factor * mean.value:+.{column.digits}f}"
-    return text + plus_minus(mean, column.factor, column.digits)
+    return minus(text + plus_minus(mean, column.factor, column.digits))
 
 
 def _table(lines: list[SummaryLine], title: str, width: int) -> Group:
@@ -113,13 +120,13 @@ def _table(lines: list[SummaryLine], title: str, width: int) -> Group:
     failures = [_failures(line) for line in lines]
     fixed = [("rule", [rule for rule, _ in names]), ("controller", [c for _, c in names])]
     taken = EDGES + sum(_width(*part) + GAP for part in [*fixed, ("solver\nfailures", failures)])
-    shown, left_out = list(columns), []
+    shown, spared = list(columns), []
     while taken + sum(_width(c.heading, cells[c]) + GAP for c in shown) > width:
         spare = max(shown, key=lambda column: column.spare, default=None)
         if spare is None or spare.spare == 0:
             break
         shown.remove(spare)
-        left_out.append(spare.metric)
+        spared.append(spare.metric)
 
     table = Table(box=SIMPLE_HEAD, padding=(0, GAP - 1, 0, 0), pad_edge=False)
     for heading, _ in fixed:
@@ -130,7 +137,7 @@ def _table(lines: list[SummaryLine], title: str, width: int) -> Group:
     for k, (rule, controller) in enumerate(names):
         table.add_row(rule, controller, *(cells[column][k] for column in shown), failures[k])
     headline = f"[bold]{escape(lines[0].scenario)}[/bold]  {escape(title)}"
-    return Group(headline, table, *_notes(lines, left_out))
+    return Group(headline, table, *_notes(lines, spared))
 
 
 def _names(lines: list[SummaryLine]) -> list[tuple[str, str]]:
@@ -163,7 +170,7 @@ def _cell(line: SummaryLine, column: Column) -> str:
         return "–"
     mean = line.metrics[column.metric]
     text = f"{column.factor * mean.value:.{column.digits}f}"
-    return text + plus_minus(mean, column.factor, column.digits)
+    return minus(text + plus_minus(mean, column.factor, column.digits))
 
 
 def _failures(line: SummaryLine) -> str:
@@ -189,13 +196,16 @@ def _left_out(line: SummaryLine) -> str:
     return ", ".join(f"{count} of {line.seeds} runs {word}" for count, word in counts if count)
 
 
-def _notes(lines: list[SummaryLine], left_out: Sequence[str]) -> list[str]:
-    notes = [
-        f"[red]{escape(line.rule)}, {escape(line.controller)}: {_left_out(line)}: "
-        f"{escape(line.reasons[0])}[/red]"
-        for line in lines
-        if line.left_out
-    ]
-    if left_out:
-        notes.append(f"not shown for want of width: {', '.join(left_out)} (--json shows all)")
+def _notes(lines: list[SummaryLine], spared: Sequence[str]) -> list[str]:
+    notes = [note for line in lines for note in left_out(line)]
+    if spared:
+        notes.append(f"not shown for want of width: {', '.join(spared)} (--json shows all)")
     return notes
+
+
+def left_out(line: SummaryLine) -> list[str]:
+    """What became of a line's runs that do not count, if there are any."""
+    if not line.left_out:
+        return []
+    name = f"{escape(line.rule)}, {escape(line.controller)}"
+    return [f"[red]{name}: {_left_out(line)}: {escape(line.reasons[0])}[/red]"]

@@ -271,6 +271,22 @@ def run_cells(
     return store.rows_of(keys)
 
 
+def forecast(cells: Sequence[Cell], store: Store, jobs: int) -> str:
+    """How many of the cells the store lacks, and about how long they take, by the rows of the store."""
+    keys = [key_of(cell) for cell in cells]
+    lacking = len(_missing(cells, keys, store, (), False))
+    said = f"{len(cells)} runs, of which {lacking} are to be made"
+    if not lacking:
+        return said
+    known = store.read()
+    times = known["wall_time"].dropna() if "wall_time" in known else pd.Series(dtype=float)
+    if times.empty:
+        return f"{said}; no run is stored yet that would say how long one takes"
+    seconds = float(times.mean()) * lacking / jobs
+    told = f"{seconds / 60.0:.0f} min" if seconds > 90.0 else f"{seconds:.0f} s"
+    return f"{said}: about {told} in {jobs} processes, by the {len(times)} runs that are stored"
+
+
 Work = tuple[Cell, Key, bool]
 """A cell, its identity, and whether its recorded run is to be kept."""
 

@@ -114,7 +114,7 @@ def test_if_every_run_fails_the_exit_code_says_so(call, small, monkeypatch):
 def test_one_event_is_simulated_and_goes_out_as_a_run_a_figure_or_json(call, short_file, tmp_path):
     code, out, _ = call(
         "simulate", short_file, "--rule", "exact", "--out", tmp_path / "run.nc",
-        "--figure", tmp_path / "run.png",
+        "--figure", tmp_path / "run.png", "--all",
     )  # fmt: skip
     assert code == 0
     assert all(name in out for name in METRICS)

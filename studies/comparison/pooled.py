@@ -1,0 +1,235 @@
+"""The answer of a comparison: every rule under every controller over all events at once, as table, sentence and file."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from alloc.metrics.registry import UNLIMITED, range_of
+from alloc.rules import RULES
+from studies.comparison.summary import NO_MEAN, REFERENCE, SummaryLine, means_of
+from studies.comparison.table import COLUMNS, Column, minus
+from studies.core.statement import Interval
+
+ALL = "all events"
+"""In place of the scenario in a line over all of them."""
+SHOWN = ("bound_use", "over_delivery", "damage", "slip_time", "jerk_rms")
+"""Metrics of the table: capped effort, and what it costs."""
+DIFFERENT = ("bound_use", "damage", "slip_time")
+"""Those of which the difference from `REFERENCE` is shown."""
+MOST_OVER_DELIVERY = 0.01
+"""Effort beyond the plan, over the plan, from which a rule is marked: it does something else than was asked for."""
+LEAST_EVENTS = 5
+"""Fewer events give no interval that says anything."""
+FORMATS = ("csv", "markdown", "latex")
+
+
+def pooled(lines: Sequence[SummaryLine]) -> list[SummaryLine]:
+    """One line per controller and rule: means over the events of the means over seeds, and differences paired by event.
+
+    Only events count that have runs that count under every rule of the controller. `seeds` is their number. Intervals say
+    how much events differ; where there is one event they are those over its seeds. Rules are in the order of capped effort.
+    """
+    found = []
+    for controller in dict.fromkeys(line.controller for line in lines):
+        own = [line for line in lines if line.controller == controller]
+        by_rule = {
+            rule: {one.scenario: one for one in own if one.rule == rule}
+            for rule in dict.fromkeys(line.rule for line in own)
+        }
+        common = [
+            name for name in dict.fromkeys(line.scenario for line in own)
+            if all(name in some and some[name].seeds > some[name].left_out for some in by_rule.values())
+        ]  # fmt: skip
+        rows = [
+            _over_events([some[name] for name in common]) for some in by_rule.values() if common
+        ]
+        found += sorted(rows, key=lambda one: -_value(one, "bound_use"))
+    return found
+
+
+def _over_events(some: Sequence[SummaryLine]) -> SummaryLine:
+    first = some[0]
+    if len(some) == 1:
+        return replace(first, scenario=ALL, seeds=1)
+    names = list(first.metrics)
+    return replace(
+        first, scenario=ALL, seeds=len(some), failed=0, degraded=0, reasons=(),
+        metrics=_means([line.metrics for line in some], names, [range_of(n) if n in SHOWN else UNLIMITED for n in names]),
+        differences=_means([line.differences for line in some], list(first.differences), None),
+    )  # fmt: skip
+
+
+def _means(
+    some: Sequence[dict[str, Interval]],
+    names: Sequence[str],
+    within: list[tuple[float, float]] | None,
+) -> dict[str, Interval]:
+    if not names:
+        return {}
+    values = np.array([[one.get(name, NO_MEAN).value for name in names] for one in some])
+    return dict(zip(names, means_of(values, within or [UNLIMITED] * len(names)), strict=True))
+
+
+def _value(line: SummaryLine, metric: str) -> float:
+    return line.metrics.get(metric, NO_MEAN).value
+
+
+def is_marked(line: SummaryLine) -> bool:
+    """Whether a rule delivers so much beyond the plan that its effort is no use of the bound."""
+    return _value(line, "over_delivery") > MOST_OVER_DELIVERY
+
+
+def _columns(lines: Sequence[SummaryLine]) -> list[Column]:
+    known = {column.metric: column for column in COLUMNS}
+    return [
+        known[name] for name in SHOWN if any(not math.isnan(_value(line, name)) for line in lines)
+    ]
+
+
+def _cells(line: SummaryLine, columns: Sequence[Column]) -> list[str]:
+    """Value of each metric, and what it is less that of `REFERENCE` with its interval."""
+    cells = []
+    for column in columns:
+        digits = max(column.digits, 1)
+        value, less = _value(line, column.metric), line.differences.get(column.metric, NO_MEAN)
+        cells.append("–" if math.isnan(value) else f"{column.factor * value:.{digits}f}")
+        if column.metric in DIFFERENT:
+            digits += column.factor != 1.0
+            mean, low, high = (
+                f"{round(column.factor * one, digits) + 0.0:+.{digits}f}" for one in (less.value, less.low, less.high)
+            )  # fmt: skip
+            told = (
+                f" [{low}, {high}]" if less.count >= LEAST_EVENTS and less.high > less.low else ""
+            )
+            cells.append(mean + told if less.count else "")
+    return [minus(text) for text in cells]
+
+
+def _headings(columns: Sequence[Column]) -> list[str]:
+    less = f"less {REFERENCE}\n[95 %]"
+    found = []
+    for column in columns:
+        found += [column.heading.replace("-\n", ""), *[less] * (column.metric in DIFFERENT)]
+    return found
+
+
+def pooled_table(lines: Sequence[SummaryLine]) -> Table:
+    """The pooled lines for a terminal."""
+    columns = _columns(lines)
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for heading in ("rule", "controller"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("events", *_headings(columns)):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for k, line in enumerate(lines):
+        if k and line.controller != lines[k - 1].controller:
+            table.add_section()
+        table.add_row(
+            line.rule + _mark(line), line.controller, str(line.seeds), *_cells(line, columns)
+        )
+    return table
+
+
+def _mark(line: SummaryLine) -> str:
+    return " *" if is_marked(line) else " °" if RULES[line.rule].needs_truth else ""
+
+
+def notes(lines: Sequence[SummaryLine]) -> list[str]:
+    """What the marks of the table mean."""
+    said = {
+        " *": f"* delivers more than {MOST_OVER_DELIVERY:.0%} beyond the plan: what exceeds the plan is no use of the bound",
+        " °": "° knows the rail, as nobody on board can",
+    }
+    return [text for mark, text in said.items() if any(_mark(line) == mark for line in lines)]
+
+
+def sentence(lines: Sequence[SummaryLine]) -> str:
+    """Which rule that a train can carry out uses most of the bound under each controller, and at what price."""
+    parts = []
+    for controller in dict.fromkeys(line.controller for line in lines):
+        own = [line for line in lines if line.controller == controller and not _mark(line)]
+        base = next((line for line in own if line.rule == REFERENCE), None)
+        rivals = [line for line in own if line.differences.get("bound_use", NO_MEAN).value > 0.0]
+        if base is None or len(own) < 2:
+            continue
+        if not rivals:
+            parts.append(f"under {controller} no rule uses more of the bound than {REFERENCE}")
+            continue
+        best, less = rivals[0], rivals[0].differences
+        units = {"slip_time": "axle s of slip", "damage": "kJ of wheel damage"}
+        price = [
+            f"{less[n].value:+.1f} {unit}"
+            for n, unit in units.items()
+            if n in less and less[n].count
+        ]
+        parts.append(
+            f"under {controller} {best.rule} uses most of the bound, {100 * _value(best, 'bound_use'):.1f} % "
+            f"({100 * less['bound_use'].value:+.2f} points over {REFERENCE}), at {' and '.join(price)} per event"
+        )
+    text = minus("; ".join(parts))
+    return text[:1].upper() + text[1:] + "." if text else ""
+
+
+def frame(lines: Sequence[SummaryLine]) -> pd.DataFrame:
+    """Lines as a table of numbers: every printed metric with its interval, and the same less `REFERENCE`."""
+    rows = []
+    for line in lines:
+        row: dict[str, object] = {
+            "scenario": line.scenario, "rule": line.rule, "controller": line.controller,
+            "events" if line.scenario == ALL else "seeds": line.seeds, "left_out": line.left_out,
+        }  # fmt: skip
+        for name in (column.metric for column in COLUMNS):
+            for suffix, some in (("", line.metrics), (f"_less_{REFERENCE}", line.differences)):
+                mean = some.get(name, NO_MEAN)
+                row |= {
+                    f"{name}{suffix}{end}": one
+                    for end, one in (("", mean.value), ("_low", mean.low), ("_high", mean.high))
+                }
+        rows.append(row)
+    found = pd.DataFrame(rows)
+    return found.dropna(axis="columns", how="all")
+
+
+def printed(lines: Sequence[SummaryLine], kind: str) -> str:
+    """The pooled table as text to paste: one of `FORMATS`."""
+    if kind == "csv":
+        return frame(lines).to_csv(index=False, lineterminator="\n")
+    columns = _columns(lines)
+    head = [
+        "rule",
+        "controller",
+        "events",
+        *(" ".join(text.split()) for text in _headings(columns)),
+    ]
+    body = [
+        [line.rule + _mark(line), line.controller, str(line.seeds), *_cells(line, columns)]
+        for line in lines
+    ]
+    escape: Callable[[str], str]
+    if kind == "markdown":
+        escape, begin, between, end = (lambda text: text.replace("|", "\\|")), "| ", " | ", " |"
+        rule = ["|".join(["", "---", "---", *["---:"] * (len(head) - 2), ""])]
+        return "\n".join([f"{begin}{between.join(map(escape, row))}{end}" for row in [head]] + rule + [
+            f"{begin}{between.join(map(escape, row))}{end}" for row in body]) + "\n"  # fmt: skip
+
+    def tex(text: str) -> str:
+        for one, other in (
+            ("%", r"\%"),
+            ("−", "$-$"),
+            ("³", "$^3$"),
+            ("*", "$^*$"),
+            ("°", r"$^\circ$"),
+        ):
+            text = text.replace(one, other)
+        return text
+
+    rows = [" & ".join(map(tex, row)) + r" \\" for row in [head, *body]]
+    return "\n".join(
+        [rf"\begin{{tabular}}{{ll{'r' * (len(head) - 2)}}}", r"\toprule", rows[0], r"\midrule", *rows[1:], r"\bottomrule",
+         r"\end{tabular}", ""]
+    )  # fmt: skip
