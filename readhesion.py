@@ -7,7 +7,7 @@
     table = readhesion.compare("wet-patch", rules=["alone", "cooperative"])  # a pandas.DataFrame
     readhesion.plot(run, "event.png")
 
-Everything else is in the packages: plant, rules and controllers in `alloc`, the MPC in `mpc`, studies in `studies`, figures in
+The rest is in the packages: plant, rules and controllers in `alloc`, the MPC in `mpc`, studies in `studies`, figures in
 `paper_figs`. `python -m readhesion` is the command of the same name.
 """
 
@@ -142,12 +142,28 @@ def sweep(
 
 
 def plot(run: xr.Dataset, path: str | Path | None = None) -> Any:
-    """The figure of a run over time, a `matplotlib.figure.Figure`; with a `path` (pdf, png, svg) it is written there instead."""
+    """The figure of a run over time (`matplotlib.figure.Figure`); with a `path` (pdf, png, svg) it is written there."""
     from paper_figs.drawing import FIGURES, draw_run
 
     if path is not None:
         return draw_run(run, path)
     return FIGURES["slip-event" if run.sizes["unit"] else "slide-control"](run)
+
+
+@xr.register_dataset_accessor("readhesion")
+class OfRun:
+    """What `run.readhesion` offers: the metrics of a run and its figure."""
+
+    def __init__(self, run: xr.Dataset) -> None:
+        self._run = run
+
+    def metrics(self) -> pd.Series:
+        """Every metric by name."""
+        return pd.Series(evaluate(self._run), name=str(self._run.attrs["event"]))
+
+    def plot(self, path: str | Path | None = None) -> Any:
+        """As `plot`."""
+        return plot(self._run, path)
 
 
 def _several(given: Any) -> list[Any] | None:

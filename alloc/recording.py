@@ -1,7 +1,8 @@
 """A recorded run as an `xarray.Dataset`: its variables and attributes, made from the loop's record, saved and loaded.
 
-In: states and values that the loop wrote down. Out: a dataset with dimensions time, axle, car and unit, CF units and long
-names, from one registry (`VARIABLES`). Forces and coefficients are those that the plant computed on its way.
+In: states and values that the loop wrote down. Out: a dataset with dimensions time, axle, car and unit (the last three are
+counted from 1 at the front), CF units and long names, from one registry (`VARIABLES`). Forces and coefficients are those
+that the plant computed on its way.
 """
 
 import errno
@@ -479,8 +480,29 @@ def _dataset(
         for name, v in VARIABLES.items()
         if name in values
     }
-    coordinates = {"time": ("time", time, {"units": "s", "long_name": "time"})}
-    return xr.Dataset(data, coords=coordinates, attrs=attributes)
+    data["time"] = xr.IndexVariable("time", time, {"units": "s", "long_name": "time"})
+    sizes = tuple(values[name].shape[1] for name in ("car_speed", "motor_torque"))
+    numbers = _numbers(
+        tuple(values["axle_unit"].tolist()), tuple(values["axle_car"].tolist()), *sizes
+    )
+    return xr.Dataset(data, coords=numbers, attrs=attributes)
+
+
+@lru_cache(maxsize=16)
+def _numbers(unit: tuple[int, ...], car: tuple[int, ...], cars: int, units: int) -> xr.Coordinates:
+    """Numbers of axles, cars and units, counted from 1 at the front, and those of the unit and the car of each axle.
+
+    Kept for the next run: to make indexes takes as long as the rest of the dataset.
+    """
+    counted = {"axle": len(car), "car": cars, "unit": units}
+    of_axles = {"unit_of_axle": (unit, "traction unit of the axle, 1 = foremost, 0: none"),
+                "car_of_axle": (car, "car of the axle, 1 = foremost")}  # fmt: skip
+    return xr.Coordinates(
+        {name: (name, np.arange(1, size + 1), {"long_name": f"number of the {name}, 1 = foremost"})
+         for name, size in counted.items()}
+        | {name: ("axle", np.array(given, dtype=np.int64) + 1, {"long_name": meaning})
+           for name, (given, meaning) in of_axles.items()}
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=1)

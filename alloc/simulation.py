@@ -63,7 +63,14 @@ class _RuleInPython:
             truth=m.truth.copy(),
             deviation=m.learnt.deviation.copy(),
         )
-        answer: Allocation = self.rule(problem)
+        answer = self.rule(problem)
+        if not isinstance(answer, Allocation) or not np.all(
+            (answer.limit >= 0.0) & np.isfinite(answer.limit)
+        ):
+            raise SimulationError(
+                f"rule {self.rule.name!r} answers {answer!r:.80} at {tick * self.onboard.period:.2f} s; it must be an "
+                "Allocation with a finite limit, 0 or greater, for every unit"
+            )
         m.limit_wanted[:] = answer.limit
         m.train.level[0] = answer.level
         m.train.case[0] = {"none": 0.0, "A": 1.0, "B": 2.0}[answer.case]

@@ -23,7 +23,7 @@ def test_an_event_is_simulated_by_its_name_file_scenario_or_itself(short, tmp_pa
     path = tmp_path / "short.toml"
     path.write_text(
         'title = "short"\ntrain = "commuter-8car"\nduration_s = 1.0\n'
-        "[rail]\nlevel = 0.1\nincrements = { law = \"none\" }\n[[command]]\ntime_s = 0.0\nacceleration_kmhs = 2.6\n"
+        '[rail]\nlevel = 0.1\nincrements = { law = "none" }\n[[command]]\ntime_s = 0.0\nacceleration_kmhs = 2.6\n'
     )
     first = readhesion.simulate(path, "alone", seed=3)
     again = readhesion.simulate(readhesion.load_scenario(path).event(3), "alone")
@@ -62,8 +62,22 @@ def test_a_study_gives_its_table_and_its_statements():
 def test_a_run_is_drawn_or_written(short, tmp_path):
     run = readhesion.simulate(short)
     assert readhesion.plot(run).axes
-    readhesion.plot(run, tmp_path / "run.png")
+    run.readhesion.plot(tmp_path / "run.png")
     assert (tmp_path / "run.png").stat().st_size > 1000
+
+
+def test_axles_cars_and_units_are_counted_from_1(short, tmp_path):
+    run = readhesion.simulate(short)
+    first = run.sel(unit=1)
+    assert first["limit"].equals(run["limit"].isel(unit=0))
+    own = run["rail_force"].groupby("unit_of_axle").sum()
+    driven = [unit for unit in own["unit_of_axle"].values if unit > 0]
+    assert driven == run["unit"].values.tolist()
+    last = run.sizes["car"]
+    assert (run["car_of_axle"] == last).sum() == (run["axle_car"] == last - 1).sum() > 0
+    readhesion.save(run, tmp_path / "run.nc")
+    assert readhesion.load(tmp_path / "run.nc").identical(run)
+    assert run.readhesion.metrics()["damage"] == readhesion.evaluate(run)["damage"]
 
 
 MISTAKES = [

@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -120,6 +121,9 @@ def compare(
     chosen = _scenarios(parts["scenario"], line, train)
     grid = make_grid(chosen, parts["rules"], parts["controllers"], seeds)
     cells = shard.of_cells(grid.jobs())
+    for pattern in keep or ():
+        if not any(fnmatchcase(cell.label, pattern) for cell in cells):
+            raise StudyError(f"--keep {pattern}: no run is called so; one is {cells[0].label}")
     if dry_run:
         console().print(forecast(cells, Store(out), process_count(work.jobs)))
         return 0

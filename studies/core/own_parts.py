@@ -2,7 +2,6 @@
 
 import re
 import sys
-import traceback
 from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
 from difflib import get_close_matches
@@ -19,6 +18,7 @@ from alloc.rules.testing import Unusable, usable
 from alloc.simulation import CONTROLLERS, simulate
 from alloc.sources import PACKAGES
 from alloc.testing import tried
+from studies.core.plugins import line_in
 from studies.files.study_error import StudyError
 from studies.scenario.scenario import load_scenario
 
@@ -110,11 +110,10 @@ def called(registry: Registry[Any], name: str, call: Callable[[], Found]) -> Fou
     except Unusable as error:
         raise _fault(registry, name, str(error)) from None
     except (Exception, SystemExit) as error:
-        frames = traceback.extract_tb(error.__traceback__)
-        lines = [frame.lineno for frame in frames if frame.filename == file]
-        place = f" in line {lines[-1]}" if lines else ""
         said = f"{type(error).__name__}: {' '.join(str(error).split()) or 'no message'}"
-        raise _fault(registry, name, f"raises {said}{place}; correct the file") from None
+        raise _fault(
+            registry, name, f"raises {said}{line_in(file, error)}; correct the file"
+        ) from None
 
 
 def _fault(registry: Registry[Any], name: str, fault: str) -> StudyError:
@@ -132,7 +131,7 @@ def registry_of(name: str) -> Registry[Any]:
     for registry in kinds:
         if name in registry:
             return registry
-    near = get_close_matches(name, [one for registry in kinds for one in registry], 1, 0.4)
+    near = get_close_matches(name, [one for registry in kinds for one in registry], 1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     raise StudyError(
         f"no rule, controller or adhesion curve is called {name!r}; {hint}`readhesion list` has the names"

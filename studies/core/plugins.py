@@ -6,6 +6,7 @@ A Python file may register any parts; a TOML file is a train.
 import hashlib
 import os
 import sys
+import traceback
 from collections.abc import Iterable
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -89,5 +90,17 @@ def _load(file: str) -> None:
         reason = " ".join(str(error).split())
         for other in _files():
             reason = reason.replace(module_name(other), f"plug-in {other!r}")
-        said = "" if isinstance(error, StudyError) else f"{type(error).__name__}: "
+        said = (
+            ""
+            if isinstance(error, StudyError)
+            else f"{type(error).__name__}{line_in(file, error)}: "
+        )
         raise StudyError(f"plug-in {file!r} cannot be loaded: {said}{reason}") from None
+
+
+def line_in(file: str, error: BaseException) -> str:
+    """The last line of `file` that an error came through, as " in line n"; empty where there is none."""
+    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
+    if isinstance(error, SyntaxError) and error.filename == file:
+        return ""  # its message has the line
+    return f" in line {lines[-1]}" if lines else ""

@@ -179,6 +179,9 @@ def explain(kind: type[BaseModel], error: ValidationError) -> str:
         return f"unknown key {key!r}; " + (
             f"did you mean {near!r}?" if near else f"valid keys: {', '.join(valid)}"
         )
+    missing = [_dotted(tuple(one["loc"])) for one in faults if one["type"] == "missing"]
+    if fault["type"] == "missing" and len(missing) > 1:
+        return f"keys {', '.join(map(repr, missing))} are missing"
     if fault["type"] == "missing":
         inside = _model_at(kind, place[:-1])
         told = meaning_of(str(place[-1]), inside, getattr(inside, "record", None))
