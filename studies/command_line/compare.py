@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
@@ -38,6 +39,26 @@ if TYPE_CHECKING:
     from studies.scenario.scenario import Scenario
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Show:
+    """What is shown of a comparison."""
+
+    figures: bool = True
+    """Draw the figures that belong to a comparison."""
+    every_event: Annotated[bool, Parameter("--all", negative=())] = False
+    """Print the table of each event too, with more columns; it is printed of a single one anyway."""
+    text: Annotated[Literal["csv", "markdown", "latex"] | None, Parameter("--format")] = None
+    """Print the table over all events as CSV, Markdown or LaTeX, and nothing else."""
+    dry_run: Annotated[bool, Parameter(negative=())] = False
+    """Say how many runs there are, how many are to be made and about how long they take; run none."""
+    as_json: Annotated[bool, Parameter("--json", negative=())] = False
+    """Print JSON with every metric instead of tables."""
+
+
+PRINTED = Show()
+
+
 def compare(
     *,
     scenario: Names = None,
@@ -50,11 +71,7 @@ def compare(
     train: str | None = None,
     keep: Names = None,
     retry_failed: Annotated[bool, Parameter(negative=())] = False,
-    figures: bool = True,
-    every_event: Annotated[bool, Parameter("--all", negative=())] = False,
-    text: Annotated[Literal["csv", "markdown", "latex"] | None, Parameter("--format")] = None,
-    dry_run: Annotated[bool, Parameter(negative=())] = False,
-    as_json: Annotated[bool, Parameter("--json", negative=())] = False,
+    show: Show = PRINTED,
 ) -> int:
     """Run rules and controllers over the same slip events and print how well each does.
 
@@ -85,16 +102,6 @@ def compare(
         Runs to record, as patterns of scenario/rule/controller/seed such as `wet-*/exact/*/0`.
     retry_failed
         Run failed rows again.
-    figures
-        Draw the figures that belong to a comparison.
-    every_event
-        Print the table of each event too, with more columns; it is printed of a single one anyway.
-    text
-        Print the table over all events as CSV, Markdown or LaTeX, and nothing else.
-    dry_run
-        Say how many runs there are, how many are to be made and about how long they take; run none.
-    as_json
-        Print JSON with every metric instead of tables.
     """
     from alloc.recording import provenance
     from alloc.sources import code_hash, write_whole
@@ -124,7 +131,7 @@ def compare(
     for pattern in keep or ():
         if not any(fnmatchcase(cell.label, pattern) for cell in cells):
             raise StudyError(f"--keep {pattern}: no run is called so; one is {cells[0].label}")
-    if dry_run:
+    if show.dry_run:
         console().print(forecast(cells, Store(out), process_count(work.jobs)))
         return 0
     kept = KEPT_RUNS if keep is None else keep
@@ -133,7 +140,7 @@ def compare(
         store = Store(out)
         table = run_cells(cells, store, workers, kept, retry_failed, on_row, check)
     lines = [] if work.shard else summarise(table)
-    if as_json:
+    if show.as_json:
         about = {
             "table": str(store.path),
             "seeds": list(grid.seeds),
@@ -146,12 +153,12 @@ def compare(
             **provenance(),
         }
         print(to_json(lines, about))
-    elif text is not None:
-        print(printed(pooled(lines), text), end="")
+    elif show.text is not None:
+        print(printed(pooled(lines), show.text), end="")
     else:
         screen = console()
         over_all = pooled(lines)
-        if every_event or len(chosen) == 1:
+        if show.every_event or len(chosen) == 1:
             for item in tables(lines, {s.name: s.title for s in chosen}, screen.width):
                 screen.print(item)
         elif bad := [note for line in lines for note in left_out(line)]:
@@ -166,14 +173,14 @@ def compare(
             place = store.folder / "table.csv"
             write_whole(place, partial(Path.write_text, data=printed([*over_all, *lines], "csv")))
             screen.print(f"numbers in {place}; next: readhesion report{_results(out)}")
-    if figures and text is None and not work.shard:
+    if show.figures and show.text is None and not work.shard:
         from studies.core.gallery import Asked, draw_comparison
 
         more = {"line": said(line), "train": said(train), "out": said(out, Path("results"))}
         command = command_of("compare", **parts, **more)
         whole = seeds is None or seeds >= DEFAULT_SEEDS or not any(one.draws() for one in chosen)
         written = draw_comparison(table, store, store.folder / "figures", Asked(command, whole))
-        if written and not as_json:
+        if written and not show.as_json:
             console().print(f"figures in {store.folder / 'figures'}: {', '.join(written)}")
     return 0 if table.empty or (table["status"] == "ok").any() else ALL_FAILED
 

@@ -37,6 +37,7 @@ for command in (
     app.command(command)
 app.command(list_names, name="list")
 app.command(write_report, name="report")
+app.register_install_completion_command(add_to_startup=False)  # leaves the shell's own files alone
 app.meta.suppress_keyboard_interrupt = False
 
 

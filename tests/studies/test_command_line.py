@@ -94,6 +94,28 @@ def test_json_is_all_that_is_printed_holds_every_metric_and_a_second_call_runs_n
     assert call("compare", *names, "--no-figures", "--json", "--seeds", 2)[1] == out
 
 
+def test_a_comparison_of_several_events_ends_with_its_answer_and_a_dry_run_makes_nothing(
+    call, tmp_path, write_scenario
+):
+    files = [write_scenario(name=f"{name}.toml") for name in ("one", "two")]
+    asked = ("compare", "--scenario", *files, "--rules", "alone", "exact", "--controllers", "none",
+             "--seeds", 1, "--jobs", 1, "--no-figures", "--out", tmp_path / "out")  # fmt: skip
+    assert "4 runs, of which 4 are to be made; no run is stored" in call(*asked, "--dry-run")[1]
+    assert not list((tmp_path / "out").rglob("*.parquet"))
+    code, out, _ = call(*asked)
+    assert code == 0
+    assert "all events: means" in out
+    assert "two slippery seconds" not in out
+    assert f"next: readhesion report --results {tmp_path / 'out'}" in " ".join(out.split())
+    assert (tmp_path / "out" / "table.csv").read_text().startswith("scenario,rule,controller")
+    assert "two slippery seconds" in call(*asked, "--all")[1]
+    assert call(*asked, "--format", "latex")[1].startswith(r"\begin{tabular}")
+    assert "of which 0 are to be made" in call(*asked, "--dry-run")[1]
+    code, _, err = call(*asked, "--keep", "none/*")
+    assert code == 2
+    assert "--keep none/*: no run is called so; one is one/alone/none/0" in err
+
+
 def test_chosen_runs_are_recorded(call, small, tmp_path):
     call("compare", *small, "--no-figures", "--keep", "short/exact/*/0")
     (path,) = (tmp_path / "out" / "runs").rglob("*.nc")

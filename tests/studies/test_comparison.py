@@ -16,6 +16,15 @@ from alloc.metrics.registry import UNLIMITED
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.host import CONTROLLERS
 from alloc.rules import RULES
+from studies.comparison.pooled import (
+    MOST_OVER_DELIVERY,
+    is_marked,
+    notes,
+    pooled,
+    pooled_table,
+    printed,
+    sentence,
+)
 from studies.comparison.summary import (
     DEFAULT_SEEDS,
     KEPT_RUNS,
@@ -286,3 +295,59 @@ def test_faults_are_shown_where_there_are_any_and_only_there():
         assert FAULT_HEADINGS[metric] not in plain
         line = next(line for line in shown.splitlines() if line.split()[:1] == ["exact"])
         assert " 7 " in line
+
+
+def events(rule="exact", shift=0.0, count=6, controller="none", **values):
+    """A run of `rule` in each of so many events, which differ."""
+    return [
+        row
+        for k in range(count)
+        for row in rows(
+            f"event {k}", rule, controller, 2, bound_use=0.9 + 0.01 * k + shift,
+            damage=100.0 + k * (1.0 + shift), over_delivery=0.0, **values,
+        )
+    ]  # fmt: skip
+
+
+def test_pooled_lines_are_means_over_the_events_that_all_rules_have_paired_by_event():
+    table = pd.DataFrame([*events("alone"), *events("exact", 0.02), *events("greedy", 0.01, 5)])
+    found = pooled(summarise(table))
+    assert [line.rule for line in found] == ["exact", "greedy", "alone"]  # by capped effort
+    common = [0.90, 0.91, 0.92, 0.93, 0.94]  # the sixth event lacks a rule
+    for line, shift in zip(found, (0.02, 0.01, 0.0), strict=True):
+        assert line.seeds == len(common)
+        assert line.metrics["bound_use"].value == pytest.approx(np.mean(common) + shift)
+    less = found[0].differences["damage"]
+    alone = found[2].metrics["damage"]
+    assert less.value == pytest.approx(0.02 * 2.0)
+    assert less.low < less.value < less.high
+    assert less.high - less.low < alone.high - alone.low  # pairing takes away what events share
+    assert sentence(found).startswith("Under none exact uses most of the bound, 94.0 % (+2.00 p")
+
+
+def test_a_rule_that_delivers_beyond_the_plan_is_marked_and_never_named_the_best():
+    table = pd.DataFrame([*events("alone"), *events("exact", 0.01), *events("greedy", 0.04)])
+    table.loc[table["rule"] == "greedy", "over_delivery"] = 1.1 * MOST_OVER_DELIVERY
+    table.loc[table["rule"] == "exact", "over_delivery"] = 0.9 * MOST_OVER_DELIVERY
+    found = pooled(summarise(table))
+    assert [is_marked(line) for line in found] == [True, False, False]
+    assert "none exact uses most" in sentence(found)
+    assert "greedy *" in printed(found, "markdown")
+    assert notes(found)[0].startswith("* delivers more than 1%")
+
+
+def test_the_pooled_table_is_text_to_paste_in_each_format():
+    table = pd.DataFrame([*events("alone"), *events("exact", -0.02)])
+    found = pooled(summarise(table))
+    content = pd.read_csv(io.StringIO(printed(found, "csv")))
+    assert content["bound_use_less_alone"].iloc[1] == pytest.approx(-0.02)
+    marked = printed(found, "markdown").splitlines()
+    assert len(marked) == 2 + len(found)
+    assert {line.count("|") for line in marked} == {marked[0].count("|")}
+    assert "−2.00" in printed(found, "markdown")
+    tex = printed(found, "latex").splitlines()
+    assert {line.count("&") for line in tex if line.endswith(r"\\")} == {marked[0].count("|") - 2}
+    assert r"\% of bound" in printed(found, "latex")
+    screen = Console(file=io.StringIO(), width=170)
+    screen.print(pooled_table(found))
+    assert max(map(len, screen.file.getvalue().splitlines())) <= 170
