@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -45,6 +46,8 @@ from studies.core.statement import mean_interval
 from studies.patent.differences_study import closed_loop
 from studies.patent.headroom_study import RULES as HEADROOM_RULES
 from studies.patent.headroom_study import STRATA, gain, in_stratum, pairs_of, rules_of
+from studies.patent.information_study import DEMANDS, LEVELS, column
+from studies.patent.information_study import pairs_of as pairs_of_information
 
 UNITS, AXLES_PER_UNIT = 8, 4
 EXPECTED = 0.170
@@ -354,3 +357,75 @@ def _costs(axes: Axes, panel: Panel, pairs: Mapping[str, pd.DataFrame]) -> None:
     axes.locator_params(axis="x", nbins=4)
     axes.set_xlabel(panel.label)
     bare_rows(axes)
+
+
+@figure("information", "wheel damage over effort by what a rule is told: own sensors, reports, the truth",
+        study("information"), events="starts")  # fmt: skip
+def information(table: pd.DataFrame) -> Figure:
+    """Above, a panel per controller: mean effort and mean wheel damage at each demand of the driver; a line is a front.
+
+    Below: effort and wheel damage at demand 1, less those with own sensors alone, paired by start (better side tinted).
+    """
+    controllers, levels = list(dict.fromkeys(table["controller"])), list(LEVELS)
+    pairs = pairs_of_information(table)
+    looks: dict[str, Look] = {
+        level: {
+            "color": LEVEL_COLOURS(k / (len(levels) - 0.5)),
+            "marker": "osD^vPX"[k],
+            "markersize": 4.0,
+        }
+        for k, level in enumerate(levels)
+    }
+    drawn = new_figure(PAGE, 5.0)
+    above, below = np.asarray(drawn.subfigures(2, 1, height_ratios=[1.5, 1.0])).tolist()
+    fronts = above.subplots(1, len(controllers), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, controller in zip(fronts, controllers, strict=True):
+        for level, look in looks.items():
+            points = [
+                [
+                    factor * pairs[column(metric, controller, level, demand)].mean()
+                    for demand in DEMANDS
+                ]
+                for metric, factor in (("effort", 100.0), ("damage", 1.0))
+            ]
+            axes.plot(*points, **look, linewidth=1.0, gid=level)
+        axes.set(title=controller, xlabel="effort, of the plan at demand 1 [%]")
+    fronts[0].set_ylabel("wheel damage Q [kJ]")
+    legend_below(above, [handle(level, **look) for level, look in looks.items()])
+    costs = below.subplots(1, 2, sharey=True)
+    for axes, (metric, words, factor, better) in zip(costs, OF_INFORMATION, strict=True):
+        for y, level in enumerate(levels[1:]):
+            for controller, shift in zip(
+                controllers, np.linspace(-0.2, 0.2, len(controllers)), strict=True
+            ):
+                less = (
+                    pairs[column(metric, controller, level)]
+                    - pairs[column(metric, controller, levels[0])]
+                )
+                look = looks[level] | {
+                    "elinewidth": 0.9,
+                    "linestyle": "none",
+                    "gid": f"{level}, {controller}",
+                }
+                interval_mark(
+                    axes,
+                    mean_interval(less),
+                    y + shift,
+                    factor,
+                    look | controller_fill(controller),
+                )
+        axes.set_xlabel(words)
+        tint_better(axes, better)
+        zero_line(axes)
+        bare_rows(axes)
+    name_rows(costs[0], levels[1:])
+    legend_below(below, controller_handles(controllers))
+    return drawn
+
+
+LEVEL_COLOURS = mpl.colormaps["viridis"]
+OF_INFORMATION = (
+    ("effort", "effort, less own sensors [% of the plan]", 100.0, 1),
+    ("damage", "wheel damage, less own sensors [kJ]", 1.0, -1),
+)
+"""Metric, label, factor to its unit, and the better side."""
