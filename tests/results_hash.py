@@ -62,6 +62,7 @@ from tests.studies.mismatch_tables import mismatch_table
 from tests.studies.position_tables import position_table
 from tests.studies.resistance_tables import resistance_table
 from tests.studies.sweep_tables import claim_table, difference_table
+from tests.studies.test_information_study import information_table
 from tests.studies.test_patent_in_stops import braking_table, printed_table
 
 PARTS = ("studies", "runs", "figures", "reports")
@@ -105,6 +106,7 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "log-accuracy": (3, {"logs": 6}),
     "slide-calibration": (1, {"effort": Effort(12, 1, 1, 1, 6)}),
     "headroom": (2, {"duration": 4.0}),
+    "information": (1, {"duration": 4.0}),
     "sanders": (1, {}),
     "wsp-acceptance": (0, {"adhesion": (0.03,)}),
 }
@@ -126,6 +128,7 @@ SYNTHETIC: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "slide-protection": ("slide-protection", slide_table),
     "learning": ("learning", lambda: synthetic(lambda arm, station: 0.01 / station)),
     "headroom": ("headroom", headroom_table),
+    "information": ("information", information_table),
     "sanders": ("sanders", sander_table),
     "wsp-acceptance": ("wsp-acceptance", acceptance_table),
 }

@@ -66,6 +66,7 @@ from tests.studies.made_tables import (
 from tests.studies.mismatch_tables import mismatch_table
 from tests.studies.position_tables import position_table
 from tests.studies.sweep_tables import claim_table, difference_table
+from tests.studies.test_information_study import information_table
 
 DPI = 50
 
@@ -78,6 +79,7 @@ def learning_table() -> pd.DataFrame:
 TABLES = {
     "allocation-bars": (), "rule-comparison": (comparison_table,),
     "ladder": (ladder_table,), "curves": (curve_table,), "headroom": (headroom_table,), "mismatch": (mismatch_table,),
+    "information": (information_table,),
     "differences": (difference_table,), "brake-cut-out": (brake_table,), "learning": (learning_table,),
     **dict.fromkeys(("claim-verdicts", "claim-verdicts-search"), (lambda: claim_table(60),)),
     "adhesion-curve": (), "open-rails": (),
