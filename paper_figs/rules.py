@@ -52,8 +52,10 @@ EXPECTED = 0.170
 HIGH, LOW = 0.160, 0.145
 """Coefficient found by the foremost unit: above and below the value at which the train can just meet the plan."""
 DOT: Look = {"marker": "o", "markersize": 3.2, "linestyle": "none"}
-SAME = ("qp-daqp", "qp-robust", "greedy-printed", "greedy-literal", "greedy-tuned", "cooperative")
-"""Rules that answer as others where they are only called: as `qp`, `greedy` and `exact`."""
+SAME = (
+    "plan-times", "uniform", "qp-daqp", "qp-robust", "greedy-printed", "greedy-literal", "greedy-tuned", "cooperative",
+)  # fmt: skip
+"""Rules that ask all units for the same, or answer as others where they are only called: as `qp`, `greedy` and `exact`."""
 SHOWN = tuple(name for name in RULES if name not in SAME)
 """Rules shown."""
 
