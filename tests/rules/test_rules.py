@@ -128,6 +128,13 @@ def test_dynamic_sharing_settles_at_the_plan_step_by_step():
 def test_plan_times_asks_all_for_the_same_multiple_within_torque():
     answer = find_rule("plan-times")(AllocationProblem([0.1, 0.3], 0.17, limit_max=[np.inf, 0.2]))
     assert answer.limit == pytest.approx([TIMES * 0.17, 0.2])
+    # it wins wherever effort counts without a bound, and that is not what the driver asked for
+    event = load_scenario("wet-front").event()
+    times, own = (
+        evaluate(simulate(event, rule, "perturb-observe")) for rule in ("plan-times", "cooperative")
+    )
+    assert times["effort_ratio"] > own["effort_ratio"] + 0.01
+    assert times["over_delivery"] > 0.01 > own["over_delivery"]
 
 
 def test_uniform_asks_all_for_the_same_until_the_train_has_the_plan_or_no_more_can_be_had():

@@ -93,6 +93,7 @@ FAULT_HEADINGS = {"fallbacks": "backs", "blinded": "blinded", "telegrams_lost": 
 def rows(scenario="event", rule="exact", controller="none", seeds=3, **values) -> list[dict]:
     return [
         dict.fromkeys(METRICS, 0.5)
+        | {"over_delivery": 0.005}
         | {"scenario": scenario, "rule": rule, "controller": controller, "seed": seed}
         | {"status": "ok", "reason": ""}
         | {
