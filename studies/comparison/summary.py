@@ -31,8 +31,8 @@ RULE_CALL_TIME = "rule_call_time"
 REFERENCE = "alone"
 """Rule from which the differences of the others are counted, seed by seed."""
 EFFORT = "bound_use"
-"""What rules are ranked by: effort that counts, at each instant, up to the bound. By `effort_ratio`, whoever asks all units for
-more than the plan would rank first."""
+"""What rules are ranked by: effort that counts, at each instant, up to the bound. By `effort_ratio`, whoever asks all units
+for more than the plan would rank first."""
 MOST_OVER = 0.01
 """Delivery beyond the plan, as a share of it, above which a rule is marked and not named the best: whoever asks for more has
 torque in hand wherever the rail recovers, and the driver gets what he did not ask for."""

@@ -188,9 +188,9 @@ def _doubts(found: Sequence[Standing], bounds: Mapping[str, Standing]) -> list[s
             said.append(
                 f"Warning: under {one.controller}, {one.rule} uses more of the bound than {bound.rule} "
                 f"({100 * one.gain:+.2f} against {100 * bound.gain:+.2f} points). No way of sharing the plan can: "
-                f"{bound.rule} knows the rail, and is late only where torque has to rise. So the rule asks for more than the plan, and "
-                f"has torque in hand before the rail recovers (delivered beyond the plan: {100 * one.over:.1f} %), or the "
-                "bound is wrong."
+                f"{bound.rule} knows the rail, and is late only where torque has to rise. So the rule asks for more than "
+                "the plan, and has torque in hand before the rail recovers (delivered beyond the plan: "
+                f"{100 * one.over:.1f} %), or the bound is wrong."
             )
     return said
 
