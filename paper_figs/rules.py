@@ -40,7 +40,7 @@ from paper_figs.style import (
     tint_better,
     zero_line,
 )
-from studies.comparison.summary import REFERENCE, SummaryLine, summarise
+from studies.comparison.summary import EFFORT, MOST_OVER, REFERENCE, SummaryLine, summarise
 from studies.core.drawn_events import complete
 from studies.core.statement import mean_interval
 from studies.patent.differences_study import closed_loop
@@ -55,8 +55,10 @@ EXPECTED = 0.170
 HIGH, LOW = 0.160, 0.145
 """Coefficient found by the foremost unit: above and below the value at which the train can just meet the plan."""
 DOT: Look = {"marker": "o", "markersize": 3.2, "linestyle": "none"}
-SAME = ("qp-daqp", "qp-robust", "greedy-printed", "greedy-literal", "greedy-tuned", "cooperative")
-"""Rules that answer as others where they are only called: as `qp`, `greedy` and `exact`."""
+SAME = (
+    "plan-times", "uniform", "qp-daqp", "qp-robust", "greedy-printed", "greedy-literal", "greedy-tuned", "cooperative",
+)  # fmt: skip
+"""Rules that ask all units for the same, or answer as others where they are only called: as `qp`, `greedy` and `exact`."""
 SHOWN = tuple(name for name in RULES if name not in SAME)
 """Rules shown."""
 
@@ -138,7 +140,7 @@ class Change(NamedTuple):
 
 
 GAINS = (
-    Change("effort_ratio", "effort over plan,\nless alone's [%]", 100.0, 1.0),
+    Change(EFFORT, "used of the bound,\nless alone's [%]", 100.0, 1.0),
     Change("damage", "wheel damage Q,\nless alone's [kJ]", 1.0, 10.0),
 )
 ABREAST = 3
@@ -147,15 +149,18 @@ ROW, BETWEEN, LEAST_BANDS = 0.056, 0.95, 0.45
 """Heights [inches] of a rule's row, of what stands above and below the rows, and of all rows of one event alone."""
 MARK: Look = {"markersize": 3.2, "elinewidth": 0.8, "markeredgewidth": 0.4, "clip_on": False}
 """Of a rule's row; the first and the last stand at the panel's edge, and are not cut there."""
+PALE = 0.35
+"""Opacity of a mark that is not to be ranked."""
 NO_PAIRS = f"differences need the\nrule {REFERENCE} beside others"
 
 
-@figure("rule-comparison", "rules over all events: effort and wheel damage, less those of alone", comparison,
+@figure("rule-comparison", "rules over all events: use of the bound and wheel damage, less those of alone", comparison,
         events="seeds")  # fmt: skip
 def rule_comparison(table: pd.DataFrame) -> Figure:
     """Mean of paired differences over the seeds, with its interval; one seed has none. A band per event, a row per rule.
 
-    The better side is tinted. Axes are linear between the two inner ticks and logarithmic beyond.
+    The better side is tinted. Pale marks: more than 1 % is delivered beyond the plan. Axes are linear between the two inner
+    ticks and logarithmic beyond.
     """
     lines = summarise(table)
     scenarios = list(dict.fromkeys(line.scenario for line in lines))
@@ -192,7 +197,8 @@ def _change(
         found = line.differences.get(change.metric)
         if found is not None and math.isfinite(found.value):
             y = scenarios.index(line.scenario) + (rules.index(line.rule) + 0.5) / len(rules) - 0.5
-            interval_mark(axes, found, y, change.factor, rule_look(line.rule) | MARK)
+            look = rule_look(line.rule) | MARK | ({"alpha": PALE} if line.over > MOST_OVER else {})
+            interval_mark(axes, found, y, change.factor, look)
     if not any(line.differences for line in lines):
         axes.text(0.5, 0.5, NO_PAIRS, transform=axes.transAxes, ha="center", va="center")
     for k in range(len(scenarios) + 1):

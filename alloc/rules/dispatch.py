@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from alloc.compilation import equation, jit
+from alloc.rules.baselines import ERP, PLAN_TIMES, UNIFORM
 from alloc.rules.exact import COOPERATIVE, EXACT, ORACLE
 from alloc.rules.patent import GREEDY, GREEDY_CLAIM
 from alloc.rules.prior_art import PRESET, SHARING
@@ -13,8 +14,11 @@ from alloc.rules.rule import ALONE, Rule
 
 COMPILED: tuple[Rule, ...] = (
     ALONE,
+    PLAN_TIMES,
+    UNIFORM,
     PRESET,
     SHARING,
+    ERP,
     GREEDY,
     GREEDY_CLAIM,
     EXACT,

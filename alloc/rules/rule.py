@@ -78,10 +78,10 @@ TRIGGERS = {
 """Triggers that go with caps; a rule with others is refused."""
 
 
-PROMISES = ("exact", "reference", "heuristic")
+PROMISES = ("exact", "reference", "heuristic", "baseline")
 """What a rule may promise, see `alloc.rules.testing`; each includes those behind it. Exact: the optimum. Reference: where
-caps grow along the train and bound the units alone, an answer as near to the plan as the reference rule's. Heuristic: what
-every rule keeps; for one, that it asks for no more than the plan where it goes beyond caps."""
+caps grow along the train and bound the units alone, an answer as near to the plan as the reference rule's. Heuristic: it
+asks for no more than the plan where it goes beyond caps. Baseline: what every rule keeps, though it may ask for anything."""
 
 
 class Units(NamedTuple):
@@ -190,11 +190,11 @@ def plan(problem: AllocationProblem) -> Allocation:
 RULES: Registry[Rule] = Registry(
     "rule", "readhesion.rules", AllocationError, "alloc.rules",
     (
-        "alone", "preset", "sharing", "greedy", "greedy-printed", "greedy-literal", "greedy-tuned", "greedy-claim", "exact",
-        "qp", "qp-daqp", "qp-cvxpy", "qp-robust", "cooperative", "oracle",
+        "alone", "plan-times", "uniform", "preset", "sharing", "erp", "greedy", "greedy-printed", "greedy-literal",
+        "greedy-tuned", "greedy-claim", "exact", "qp", "qp-daqp", "qp-cvxpy", "qp-robust", "cooperative", "oracle",
     ),
 )  # fmt: skip
-"""Every rule by name: those of the prior art, the patent's, exact ones, and the one that knows the truth."""
+"""Every rule by name: baselines and prior art, the patent's, exact ones, and the one that knows the truth."""
 
 
 find_rule = RULES.find

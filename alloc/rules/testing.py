@@ -512,7 +512,7 @@ def _reversed(rule: Rule, problem: AllocationProblem) -> float:
 _plain = partial(problems, bounded=False)
 _growing = partial(problems, bounded=False, growing=True)
 _EVERY = tuple(one.problem for one in KNOWN.values())
-_EXACT, _REFERENCE, _ = PROMISES
+_EXACT, _REFERENCE, _HEURISTIC, _ = PROMISES
 _PLAIN_ANSWERS, _BOUNDED_ANSWERS = (
     tuple(one for one in KNOWN.values() if (one.greedy is None) is bounded) for bounded in (False, True)
 )  # fmt: skip
@@ -520,7 +520,7 @@ RULE_LAWS = (
     Law("answer", "one finite limit per unit, case, status, and what the limits lack", _answer, problems, _EVERY),
     Law("without slip", "every limit is the plan", _without_slip, problems),
     Law("torque and rate", "no limit is beyond what motors and its rate allow", _torque_and_rate, problems, _EVERY),
-    Law("from rest", "limits beyond a cap add up to the plan at most", _from_rest, problems, _EVERY),
+    Law("from rest", "limits beyond a cap add up to the plan at most", _from_rest, problems, _EVERY, _HEURISTIC),
     Law("case", "A where the caps do not allow more than the plan, B where they do", _case, _plain, (_A, _B)),
     Law("inputs untouched", "the problem is as before", _untouched, problems),
     Law("repeatable", "one problem has one answer, whatever is asked between", _repeated, problems, tolerance=0.0),

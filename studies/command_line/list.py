@@ -54,7 +54,7 @@ def check(
     name
         Name of the part, one of a plug-in too.
     promise
-        What is asked of a rule: exact, reference or heuristic [default: what it promises].
+        What is asked of a rule: exact, reference, heuristic or baseline [default: what it promises].
     as_json
         Print JSON instead of a table.
     """

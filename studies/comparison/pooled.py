@@ -11,18 +11,16 @@ from rich.table import Table
 
 from alloc.metrics.registry import UNLIMITED, range_of
 from alloc.rules import RULES
-from studies.comparison.summary import NO_MEAN, REFERENCE, SummaryLine, means_of
+from studies.comparison.summary import EFFORT, MOST_OVER, NO_MEAN, REFERENCE, SummaryLine, means_of
 from studies.comparison.table import COLUMNS, Column, minus
 from studies.core.statement import Interval
 
 ALL = "all events"
 """In place of the scenario in a line over all of them."""
-SHOWN = ("bound_use", "over_delivery", "damage", "slip_time", "jerk_rms")
+SHOWN = (EFFORT, "over_delivery", "damage", "slip_time", "jerk_rms")
 """Metrics of the table: capped effort, and what it costs."""
-DIFFERENT = ("bound_use", "damage", "slip_time")
+DIFFERENT = (EFFORT, "damage", "slip_time")
 """Those of which the difference from `REFERENCE` is shown."""
-MOST_OVER_DELIVERY = 0.01
-"""Effort beyond the plan, over the plan, from which a rule is marked: it does something else than was asked for."""
 LEAST_EVENTS = 5
 """Fewer events give no interval that says anything."""
 FORMATS = ("csv", "markdown", "latex")
@@ -48,7 +46,7 @@ def pooled(lines: Sequence[SummaryLine]) -> list[SummaryLine]:
         rows = [
             _over_events([some[name] for name in common]) for some in by_rule.values() if common
         ]
-        found += sorted(rows, key=lambda one: -_value(one, "bound_use"))
+        found += sorted(rows, key=lambda one: -_value(one, EFFORT))
     return found
 
 
@@ -81,7 +79,7 @@ def _value(line: SummaryLine, metric: str) -> float:
 
 def is_marked(line: SummaryLine) -> bool:
     """Whether a rule delivers so much beyond the plan that its effort is no use of the bound."""
-    return _value(line, "over_delivery") > MOST_OVER_DELIVERY
+    return line.over > MOST_OVER
 
 
 def _columns(lines: Sequence[SummaryLine]) -> list[Column]:
@@ -142,7 +140,7 @@ def _mark(line: SummaryLine) -> str:
 def notes(lines: Sequence[SummaryLine]) -> list[str]:
     """What the marks of the table mean."""
     said = {
-        " *": f"* delivers more than {MOST_OVER_DELIVERY:.0%} beyond the plan: what exceeds the plan is no use of the bound",
+        " *": f"* delivers more than {MOST_OVER:.0%} beyond the plan: what exceeds the plan is no use of the bound",
         " °": "° knows the rail, as nobody on board can",
     }
     return [text for mark, text in said.items() if any(_mark(line) == mark for line in lines)]
@@ -154,7 +152,7 @@ def sentence(lines: Sequence[SummaryLine]) -> str:
     for controller in dict.fromkeys(line.controller for line in lines):
         own = [line for line in lines if line.controller == controller and not _mark(line)]
         base = next((line for line in own if line.rule == REFERENCE), None)
-        rivals = [line for line in own if line.differences.get("bound_use", NO_MEAN).value > 0.0]
+        rivals = [line for line in own if line.differences.get(EFFORT, NO_MEAN).value > 0.0]
         if base is None or len(own) < 2:
             continue
         if not rivals:
@@ -168,8 +166,8 @@ def sentence(lines: Sequence[SummaryLine]) -> str:
             if n in less and less[n].count
         ]
         parts.append(
-            f"under {controller} {best.rule} uses most of the bound, {100 * _value(best, 'bound_use'):.1f} % "
-            f"({100 * less['bound_use'].value:+.2f} points over {REFERENCE}), at {' and '.join(price)} per event"
+            f"under {controller} {best.rule} uses most of the bound, {100 * _value(best, EFFORT):.1f} % "
+            f"({100 * less[EFFORT].value:+.2f} points over {REFERENCE}), at {' and '.join(price)} per event"
         )
     text = minus("; ".join(parts))
     return text[:1].upper() + text[1:] + "." if text else ""

@@ -9,7 +9,15 @@ from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
 
-from studies.comparison.summary import NO_MEAN, REFERENCE, RULE_CALL_TIME, SummaryLine, plus_minus
+from studies.comparison.summary import (
+    EFFORT,
+    MOST_OVER,
+    NO_MEAN,
+    REFERENCE,
+    RULE_CALL_TIME,
+    SummaryLine,
+    plus_minus,
+)
 
 
 @dataclass(frozen=True)
@@ -31,7 +39,7 @@ COLUMNS = (
     Column("effort_ratio", "effort\n% plan", 100.0),
     Column("bound_use", "% of\nbound", 100.0),
     Column("headroom", "head-\nroom %", 100.0, 2, spare=3),
-    Column("over_delivery", "over\nplan %", 100.0, 2, spare=4),
+    Column("over_delivery", "over\nplan %", 100.0, 2),
     Column("utilisation", "adhesion\nused %", 100.0),
     Column("time_to_speed", "time to\nspeed s", spare=2),
     Column("slip_time", "slip\naxle s"),
@@ -51,7 +59,8 @@ COLUMNS = (
 """Printed columns, from left to right; the JSON and the parquet file have every metric."""
 
 DIFFERENCES = (
-    Column("effort_ratio", "effort\npoints", 100.0, 2),
+    Column(EFFORT, "of bound\npoints", 100.0, 2),
+    Column("over_delivery", "over plan\npoints", 100.0, 2),
     Column("utilisation", "adhesion\npoints", 100.0, 2),
     Column("slip_time", "slip\naxle s"),
     Column("damage", "damage\nQ kJ", 1.0, 0),
@@ -198,6 +207,10 @@ def _left_out(line: SummaryLine) -> str:
 
 def _notes(lines: list[SummaryLine], spared: Sequence[str]) -> list[str]:
     notes = [note for line in lines for note in left_out(line)]
+    if over := [f"{line.rule}, {line.controller}" for line in lines if line.over > MOST_OVER]:
+        notes.append(
+            f"[yellow]more than {100 * MOST_OVER:g} % beyond the plan, no rule to rank by effort: {'; '.join(over)}[/yellow]"
+        )
     if spared:
         notes.append(f"not shown for want of width: {', '.join(spared)} (--json shows all)")
     return notes

@@ -1,4 +1,7 @@
-"""The answer that a page begins with: how each rule stands against `alone` over all events, and in which it is better."""
+"""The answer that a page begins with: how each rule stands against `alone` over all events, and in which it is better.
+
+Rules are ranked by effort within the bound, `EFFORT`. Who delivers more than the plan is marked, and not named the best.
+"""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -11,7 +14,15 @@ import pandas as pd
 
 from alloc.metrics import METRICS
 from alloc.rules import RULES
-from studies.comparison.summary import NO_MEAN, REFERENCE, RULE_CALL_TIME, SummaryLine, plus_minus
+from studies.comparison.summary import (
+    EFFORT,
+    MOST_OVER,
+    NO_MEAN,
+    REFERENCE,
+    RULE_CALL_TIME,
+    SummaryLine,
+    plus_minus,
+)
 from studies.comparison.table import COLUMNS, Column, applies, tells
 from studies.core.drawn_events import complete
 from studies.core.statement import Interval
@@ -28,8 +39,6 @@ from studies.patent.headroom_study import (
 )
 from studies.report.replay import Replay
 
-GAIN = "effort_ratio"
-"""What a rule is for: effort over plan."""
 COSTS = ("slip_time", "damage", "jerk_rms")
 """What it may cost."""
 EQUAL = 1e-9
@@ -44,7 +53,9 @@ class Standing:
     controller: str
     events: int
     gain: float
-    """Mean over the events of the difference in effort over plan."""
+    """Mean over the events of the difference in `EFFORT`."""
+    over: float
+    """Mean over the events of what it delivers beyond the plan, as a share of the plan."""
     costs: dict[str, float]
     """The same of each of `COSTS`; nan where no event has it."""
     better: int
@@ -56,6 +67,11 @@ class Standing:
     """Events whose interval includes zero, or with one seed where several could be drawn."""
     idea: bool
     """Whether the rule knows what nobody on board can know."""
+
+    @property
+    def ranked(self) -> bool:
+        """Whether it may be named the best: a train can carry it out, and it delivers what was asked for."""
+        return not self.idea and not self.over > MOST_OVER
 
 
 def sign_of(line: SummaryLine, metric: str, fixed: Collection[str]) -> int | None:
@@ -78,7 +94,7 @@ def standings(lines: Sequence[SummaryLine], fixed: Collection[str]) -> list[Stan
     """Every rule but `REFERENCE` under every controller; per controller the one that gains most comes first."""
     groups: dict[tuple[str, str], list[SummaryLine]] = {}
     for line in lines:
-        if line.rule != REFERENCE and GAIN in line.differences:
+        if line.rule != REFERENCE and EFFORT in line.differences:
             groups.setdefault((line.controller, line.rule), []).append(line)
     controllers = list(dict.fromkeys(line.controller for line in lines))
     found = [_standing(some, fixed) for some in groups.values()]
@@ -87,11 +103,12 @@ def standings(lines: Sequence[SummaryLine], fixed: Collection[str]) -> list[Stan
 
 
 def _standing(lines: Sequence[SummaryLine], fixed: Collection[str]) -> Standing:
-    signs = [sign_of(line, GAIN, fixed) for line in lines]
+    signs = [sign_of(line, EFFORT, fixed) for line in lines]
     rule = lines[0].rule
     return Standing(
-        rule, lines[0].controller, sum(line.differences[GAIN].count > 0 for line in lines),
-        _mean(lines, GAIN), {name: _mean(lines, name) for name in COSTS},
+        rule, lines[0].controller, sum(line.differences[EFFORT].count > 0 for line in lines),
+        _mean(lines, EFFORT), _known_mean([line.over for line in lines]),
+        {name: _mean(lines, name) for name in COSTS},
         signs.count(1), signs.count(-1), signs.count(0), signs.count(None),
         rule in RULES and RULES[rule].needs_truth,
     )  # fmt: skip
@@ -99,7 +116,12 @@ def _standing(lines: Sequence[SummaryLine], fixed: Collection[str]) -> Standing:
 
 def _mean(lines: Sequence[SummaryLine], metric: str) -> float:
     """Mean over events of a metric's difference."""
-    values = [line.differences[metric].value for line in lines if metric in line.differences]
+    return _known_mean(
+        [line.differences[metric].value for line in lines if metric in line.differences]
+    )
+
+
+def _known_mean(values: Sequence[float]) -> float:
     known = [value for value in values if not math.isnan(value)]
     return fmean(known) if known else math.nan
 
@@ -108,20 +130,24 @@ def sentences(lines: Sequence[SummaryLine], found: Sequence[Standing]) -> list[s
     """The answer in a few sentences, the most important first."""
     best: dict[str, Standing] = {}
     for one in found:
-        if not one.idea:
+        if one.ranked:
             best.setdefault(one.controller, one)
+    bounds = {one.controller: one for one in found if one.idea and one.rule == BOUND}
+    doubts = _doubts(found, bounds)
     if best:
-        bounds = {one.controller: one for one in found if one.idea and one.rule == BOUND}
         own = [_at_what_price(one, bounds.get(one.controller)) for one in best.values()]
         return [
             _headline(list(best.values())),
             *_room(lines, next(iter(best.values()))),
             *own,
+            *doubts,
             *_controllers(lines),
         ]
     if all(line.rule != REFERENCE for line in lines):
         return [f"Rule {REFERENCE!r} is not among the rules, so no rule can be compared with it."]
-    return _controllers(lines) or ["There is nothing to compare: one rule under one controller."]
+    return [*doubts, *_controllers(lines)] or [
+        "There is nothing to compare: one rule under one controller."
+    ]
 
 
 def _headline(best: Sequence[Standing]) -> str:
@@ -137,7 +163,7 @@ def _headline(best: Sequence[Standing]) -> str:
     text = ""
     if parts:
         text = (
-            f"Of the rules that a train can carry out, {'; '.join(parts)}: points of the planned effort more than "
+            f"Of the rules that a train can carry out, {'; '.join(parts)}: points of the bound used more than "
             f"{REFERENCE}, on the mean over the events. "
         )
     if idle:
@@ -146,16 +172,46 @@ def _headline(best: Sequence[Standing]) -> str:
     return text.strip()
 
 
+def _doubts(found: Sequence[Standing], bounds: Mapping[str, Standing]) -> list[str]:
+    """Which rules deliver too much to be ranked, and which use more of the bound than the rule that knows the rail."""
+    said = []
+    if over := [one for one in found if not one.idea and one.over > MOST_OVER]:
+        told = ", ".join(
+            f"{one.rule} under {one.controller} ({100 * one.over:.1f} %)" for one in over
+        )
+        said.append(
+            f"Not ranked, since on the mean more than {100 * MOST_OVER:g} % is delivered beyond the plan: {told}."
+        )
+    for one in found:
+        bound = bounds.get(one.controller)
+        if bound is not None and not one.idea and one.gain > bound.gain + EQUAL:
+            said.append(
+                f"Warning: under {one.controller}, {one.rule} uses more of the bound than {bound.rule} "
+                f"({100 * one.gain:+.2f} against {100 * bound.gain:+.2f} points). No way of sharing the plan can: "
+                f"{bound.rule} knows the rail, and is late only where torque has to rise. So the rule asks for more than "
+                "the plan, and has torque in hand before the rail recovers (delivered beyond the plan: "
+                f"{100 * one.over:.1f} %), or the bound is wrong."
+            )
+    return said
+
+
 def _at_what_price(best: Standing, bound: Standing | None) -> str:
     events = "1 event" if best.events == 1 else f"{best.events} events"
     if best.better + best.worse + best.equal:
-        text = f"Under {best.controller}, of {events}, {best.rule} delivers more in {best.better} and less in {best.worse}"
+        text = f"Under {best.controller}, of {events}, {best.rule} uses more in {best.better} and less in {best.worse}"
         text += f"; {best.undecided} undecided." if best.undecided else "."
     else:
         text = f"Under {best.controller}, of {events}, none is decided."
     slip, damage = best.costs["slip_time"], best.costs["damage"]
     if not math.isnan(slip + damage):
-        text += f" Slip changes by {_signed(slip)} axle s and wheel damage by {_signed(damage)} kJ per event."
+        text += f" Slip changes by {_signed(slip)} axle s and wheel damage by {_signed(damage)} kJ per event"
+        jerk = best.costs["jerk_rms"]
+        text += "" if math.isnan(jerk) else f", jerk by {jerk + 0.0:+.2f} m/s³"
+        text += (
+            "."
+            if math.isnan(best.over)
+            else f"; {100 * best.over:.2f} % is delivered beyond the plan."
+        )
     if bound is not None:
         text += f" {bound.rule.capitalize()}, which knows the rail, gains {100 * bound.gain:+.2f} points."
     return text
@@ -180,7 +236,7 @@ def _room(lines: Sequence[SummaryLine], best: Standing) -> list[str]:
                 room[line.scenario] = line.metrics["headroom"].value
     gains: dict[bool, list[float]] = {True: [], False: []}
     for line in lines:
-        mean = line.differences.get(GAIN)
+        mean = line.differences.get(EFFORT)
         mine = (line.rule, line.controller) == (best.rule, best.controller)
         if mine and mean is not None and mean.count and line.scenario in room:
             gains[room[line.scenario] > WORTH_SHARING].append(mean.value)
@@ -198,10 +254,10 @@ def _room(lines: Sequence[SummaryLine], best: Standing) -> list[str]:
 
 def _controllers(lines: Sequence[SummaryLine]) -> list[str]:
     """What the controllers reach under the reference rule, over the events that all of them have run."""
-    own = [line for line in lines if line.rule == REFERENCE and line.metrics[GAIN].count > 0]
+    own = [line for line in lines if line.rule == REFERENCE and line.metrics[EFFORT].count > 0]
     reached: dict[str, dict[str, float]] = {}
     for line in own:
-        reached.setdefault(line.controller, {})[line.scenario] = line.metrics[GAIN].value
+        reached.setdefault(line.controller, {})[line.scenario] = line.metrics[EFFORT].value
     common = set.intersection(*map(set, reached.values())) if reached else set()
     if len(reached) < 2 or not common:
         return []
@@ -209,7 +265,7 @@ def _controllers(lines: Sequence[SummaryLine]) -> list[str]:
         f"{100 * fmean(values[name] for name in sorted(common)):.1f} % under {controller}"
         for controller, values in reached.items()
     ]
-    return [f"For scale: {REFERENCE} delivers {', '.join(parts)} of the planned effort."]
+    return [f"For scale: {REFERENCE} uses {', '.join(parts)} of the bound."]
 
 
 # What each rule gains over `alone` in each event, by how much there is to gain, measured as in the study `headroom`.

@@ -154,7 +154,7 @@ def its_rules_have_their_colours_and_its_points_are_the_paired_differences(figur
     }
     assert of_label == {rule: rule_colour(rule) for rule in rules}
     lines, data = summarise(comparison_table()), drawn_data(figure)
-    for place, (metric, better) in enumerate((("effort_ratio", 1), ("damage", -1))):
+    for place, (metric, better) in enumerate((("bound_use", 1), ("damage", -1))):
         panels = list(dict.fromkeys(data["panel"]))[2 * place : 2 * place + 2]
         shown = data[data["panel"].isin(panels) & data["kind"].isin(["mean", "point"])]
         factor = 1.0 if metric == "damage" else 100.0
@@ -168,6 +168,8 @@ def its_rules_have_their_colours_and_its_points_are_the_paired_differences(figur
         low, high = axes.get_xlim()
         ends = (side.get_x(), side.get_x() + side.get_width())
         assert ends == pytest.approx((0.0, high) if better > 0 else (low, 0.0))
+        pale = {line.get_gid() for line in lines_of(axes) if line.get_alpha() not in (None, 1.0)}
+        assert pale == {"greedy"}  # which delivers too much in the second event
 
 
 @law("allocation-bars")
@@ -479,7 +481,7 @@ def test_what_changes_in_a_picture_is_seen(monkeypatch):
     table = comparison_table()
     before = pixels(from_tables("rule-comparison"))
     assert calculate_rms(before, pixels(FIGURES["rule-comparison"](table))) == 0.0
-    moved = table.assign(effort_ratio=table["effort_ratio"] + 0.02 * (table["rule"] == "greedy"))
+    moved = table.assign(bound_use=table["bound_use"] + 0.02 * (table["rule"] == "greedy"))
     fewer = table[(table["rule"] != "cooperative") | (table["scenario"] != "two")]
     for other in (moved, fewer):
         assert calculate_rms(before, pixels(FIGURES["rule-comparison"](other))) > TOLERANCE

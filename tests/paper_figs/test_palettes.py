@@ -24,7 +24,17 @@ PALETTES = {
     "controllers": {name: part.colour for name, part in CONTROLLERS.items()},
 }
 MAIN = {
-    "rules": ("alone", "preset", "sharing", "greedy", "exact", "cooperative", "oracle"),
+    "rules": (
+        "alone",
+        "uniform",
+        "preset",
+        "sharing",
+        "erp",
+        "greedy",
+        "exact",
+        "cooperative",
+        "oracle",
+    ),
     "controllers": ("none", *COMPARED, SLOW_CONTROLLER),
 }
 

@@ -142,6 +142,24 @@ def level_within(lowest, highest, mass, expected):
     raise AssertionError("the bounds enclose the plan, so some pair of them must")
 
 
+def redistributed(upper, mass, scale, wanted):
+    """Least sum of m (x / scale)^2 with sum m x = wanted and x <= upper, by pseudo-inverses; (n,) arrays.
+
+    As Johansen and Fossen state the method: units beyond their bound are frozen there, the others are solved again.
+    """
+    x, free = np.zeros(mass.size), np.ones(mass.size, dtype=bool)
+    while free.any():
+        root = np.sqrt(mass[free])
+        row = (root * scale[free])[None]  # of y = sqrt(m) x / scale, whose plain norm is least
+        rest = wanted - mass[~free] @ x[~free]
+        x[free] = scale[free] / root * (np.linalg.pinv(row, rcond=0.0) @ [rest])
+        beyond = free & (x >= upper)
+        if not beyond.any():
+            break
+        x[beyond], free = upper[beyond], free & ~beyond
+    return x
+
+
 PLAN = 0.17
 
 

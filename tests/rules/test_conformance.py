@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.rules import RULES, Allocation, Rule
-from alloc.rules.problem import CASE_B, allocation
+from alloc.rules.problem import allocation
 from alloc.rules.testing import KNOWN, RULE_LAWS, BrokenLaw, check_rule, laws_of_rule, verdict
 from tests.cases import looped
 
@@ -19,7 +19,8 @@ ROUNDING = 1e-11
 PROMISED = {
     "exact": {"exact", "qp", "qp-daqp", "qp-cvxpy", "qp-robust", "cooperative", "oracle"},
     "reference": {"greedy", "greedy-printed", "greedy-literal", "greedy-tuned"},
-    "heuristic": {"alone", "preset", "sharing", "greedy-claim"},
+    "heuristic": {"alone", "preset", "sharing", "erp", "greedy-claim"},
+    "baseline": {"plan-times", "uniform"},
 }
 
 
@@ -50,12 +51,6 @@ def exact(problem, change=lambda limit, problem: limit, **others):
         else 0.0
     )
     return replace(found, **({"limit": limit, "unmet": unmet} | others))
-
-
-def more(problem):
-    """The plan times 1.3 for every unit, as far as motors and rates allow."""
-    limit = np.clip(np.full(problem.n, 1.3 * problem.expected), *problem.rate_box)
-    return allocation(problem, limit, np.nan, CASE_B, 0.0)
 
 
 def case_c(problem):
@@ -94,7 +89,8 @@ def with_weights(problem):
 
 
 FAULTS = {
-    "the plan times 1.3": (more, "heuristic", "from rest", "cap=["),
+    "the plan times 1.3": (RULES["plan-times"], "heuristic", "from rest", "cap=["),
+    "uniform": (RULES["uniform"], "heuristic", "from rest", "cap=["),
     "case C": (case_c, "heuristic", "answer", "case = 'C'"),
     "wrong length": (lambda p: exact(p, lambda x, _: x[:-1]), "heuristic", "answer", "one finite limit each"),
     "negative": (lambda p: exact(p, lambda x, _: x - 1.0), "heuristic", "answer", "none may be negative"),

@@ -1,4 +1,4 @@
-"""The contract that all rules share, the prior art's and the project's own rule, and what is refused."""
+"""The contract that all rules share, baselines, the prior art's and the project's own rule, and what is refused."""
 
 import sys
 from dataclasses import replace
@@ -9,19 +9,24 @@ from hypothesis import given
 
 from alloc.metrics import evaluate
 from alloc.rules import RULES, AllocationError, AllocationProblem, find_rule, qp
+from alloc.rules.baselines import GAIN, TIMES
 from alloc.rules.dispatch import COMPILED, allocate_compiled, compiled_index
 from alloc.rules.exact import cooperative_law
 from alloc.rules.problem import CASES
 from alloc.rules.rule import TRIGGERS, Caps, Trigger, Units, units_of
-from alloc.rules.testing import EXPECTED, problems
+from alloc.rules.testing import EXPECTED, laws_of_rule, problems
 from alloc.simulation import simulate
 from studies.scenario.scenario import load_scenario
 from tests.cases import looped
+from tests.rules.references import redistributed
 
 NAMES = [
     "alone",
+    "plan-times",
+    "uniform",
     "preset",
     "sharing",
+    "erp",
     "greedy",
     "greedy-printed",
     "greedy-literal",
@@ -54,6 +59,7 @@ def test_oracle_is_the_exact_level_on_the_truth():
 
 def test_when_rules_are_asked_and_what_they_know():
     others = {
+        "uniform": (Trigger.LIMITED, Caps.DELIVERED),
         "preset": (Trigger.TELEGRAM, Caps.FRONT),
         "sharing": (Trigger.STEPWISE, Caps.FRONT),
         "greedy-printed": (Trigger.SLIP, Caps.FRONT),
@@ -119,11 +125,62 @@ def test_dynamic_sharing_settles_at_the_plan_step_by_step():
     assert next(k for k, effort in enumerate(efforts) if effort > 0.99 * 0.17) >= 2
 
 
+def test_plan_times_asks_all_for_the_same_multiple_within_torque():
+    answer = find_rule("plan-times")(AllocationProblem([0.1, 0.3], 0.17, limit_max=[np.inf, 0.2]))
+    assert answer.limit == pytest.approx([TIMES * 0.17, 0.2])
+    # it wins wherever effort counts without a bound, and that is not what the driver asked for
+    event = load_scenario("wet-front").event()
+    times, own = (
+        evaluate(simulate(event, rule, "perturb-observe")) for rule in ("plan-times", "cooperative")
+    )
+    assert times["effort_ratio"] > own["effort_ratio"] + 0.01
+    assert times["over_delivery"] > 0.01 > own["over_delivery"]
+
+
+def test_uniform_asks_all_for_the_same_until_the_train_has_the_plan_or_no_more_can_be_had():
+    adhesion, mass = np.array([0.12, 0.16, 0.20, 0.21]), np.array([1.0, 2.0, 2.0, 1.0])
+    for most, reached in ((1.0, 0.17), (0.18, (0.12 + 2 * 0.16 + 3 * 0.18) / 6)):
+        limit = np.full(4, 0.17)
+        for _ in range(80):
+            limit = find_rule("uniform")(
+                AllocationProblem(
+                    adhesion, 0.17, mass=mass, previous=limit, limit_max=np.full(4, most),
+                    delivered=np.minimum(limit, adhesion),
+                )
+            ).limit  # fmt: skip
+            assert np.ptp(limit) == 0.0
+            assert 0.17 <= limit[0] <= most
+        got = np.average(np.minimum(limit, adhesion), weights=mass)
+        assert got == pytest.approx(reached, rel=2e-3)
+    # what is delivered beyond the plan is taken back, down to the plan
+    more = find_rule("uniform")(
+        AllocationProblem(adhesion, 0.17, previous=np.full(4, 0.3), delivered=np.full(4, 0.3))
+    )
+    assert more.limit == pytest.approx(0.3 - GAIN * 0.13)
+
+
+@given(problem=problems(24))
+def test_erp_is_the_redistributed_pseudo_inverse_and_in_the_norm_of_exact_the_exact_level(problem):
+    problem = problem.changed(rate=None)
+    cap, mass, plan = problem.cap, problem.weight, problem.expected
+    upper = np.minimum(cap, problem.torque_limit)
+    found = find_rule("erp")(problem).limit
+    least = redistributed(upper, mass, np.maximum(cap, 1e-9), plan * mass.sum())
+    np.testing.assert_allclose(found, least, rtol=1e-9, atol=1e-9)
+    judged = replace(find_rule("erp"), promise="exact")
+    for law in laws_of_rule(judged):  # each but those that say that the exact level is the optimum
+        if law.name in ("in the box", "attainable sum"):
+            assert law.amount(judged, problem) < 1e-11
+    if problem.within_reach:
+        deviation = redistributed(upper - plan, mass, np.ones(problem.n), 0.0)
+        np.testing.assert_allclose(plan + deviation, find_rule("exact")(problem).limit, rtol=1e-9)
+
+
 @given(problem=problems(64, bounded=False))
 def test_compiled_call_equals_the_python_call(problem):
     for index, rule in enumerate(COMPILED):
         assert compiled_index(rule) == index
-        if rule.caps is Caps.DELIVERED:  # its law needs what a run remembers, see test_cooperative
+        if rule.name == "cooperative":  # its law needs what a run remembers, see below
             continue
         limit = np.empty(problem.n)
         level, case = allocate_compiled(index, units_of(problem), problem.expected, limit)

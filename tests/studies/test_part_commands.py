@@ -67,7 +67,9 @@ def test_what_cannot_be_checked_is_refused_in_one_line(call, plugin, monkeypatch
         assert len(err.splitlines()) == 1
         return err
 
-    assert "give one of exact, reference, heuristic" in said("check", "alone", "--promise", "best")
+    assert "give one of exact, reference, heuristic, baseline" in said(
+        "check", "alone", "--promise", "best"
+    )
     assert "of a rule" in said("check", "none", "--promise", "exact")
     assert "is no Rule" in said(*plugin, "check", "function")
     drawn_cases.cache_clear()

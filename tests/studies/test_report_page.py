@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from alloc.metrics.use import headroom
-from studies.comparison.summary import REFERENCE, SummaryLine
-from studies.comparison.table import COLUMNS
+from studies.comparison.summary import EFFORT, MOST_OVER, REFERENCE, SummaryLine
+from studies.comparison.table import COLUMNS, tables
 from studies.core.job import simulate_job
 from studies.core.statement import Interval
 from studies.core.study import study_folder
@@ -23,7 +23,6 @@ from studies.patent.headroom_study import HEADROOM, measure
 from studies.report import page
 from studies.report.answer import (
     EQUAL,
-    GAIN,
     drawn_gains,
     sentences,
     sign_of,
@@ -179,11 +178,12 @@ def evenly(value, half_width, count=3):
     return Interval(value, value - half_width, value + half_width, count)
 
 
-def line(rule, gain, half_width=math.nan, scenario="one", controller="none"):
-    """A line whose only metrics are the effort's and, by none, the headroom."""
-    metrics = {GAIN: evenly(0.8, math.nan, 1), "headroom": evenly(0.02, math.nan, 1)}
+def line(rule, gain, half_width=math.nan, scenario="one", controller="none", over=0.0):
+    """A line whose only metrics are the effort's, what exceeds the plan and, by none, the headroom."""
+    metrics = {EFFORT: evenly(0.8, math.nan, 1), "headroom": evenly(0.02, math.nan, 1)}
+    metrics["over_delivery"] = evenly(over, math.nan, 1)
     differences = dict.fromkeys(("slip_time", "damage", "jerk_rms"), evenly(1.0, 0.1, 1))
-    differences |= {GAIN: evenly(gain, half_width, 1)}
+    differences |= {EFFORT: evenly(gain, half_width, 1)}
     if rule == REFERENCE:
         differences = {}
     return SummaryLine(scenario, rule, controller, 1, 0, 0, (), metrics, differences)
@@ -194,7 +194,7 @@ def test_a_difference_is_decided_by_its_interval_or_where_nothing_is_drawn():
         (0.02, 0.01, False, 1), (-0.02, 0.01, False, -1), (0.02, 0.03, False, None), (0.02, math.nan, False, None),
         (0.02, math.nan, True, 1), (-0.02, math.nan, True, -1), (EQUAL / 2, math.nan, True, 0), (0.0, 0.0, False, 0),
     ):  # fmt: skip
-        assert sign_of(line("exact", gain, half_width), GAIN, {"one"} if fixed else ()) == wanted
+        assert sign_of(line("exact", gain, half_width), EFFORT, {"one"} if fixed else ()) == wanted
 
 
 def test_with_every_sign_turned_what_was_more_is_less():
@@ -218,6 +218,31 @@ def test_the_answer_names_the_best_rule_that_a_train_can_carry_out():
     assert first == "Under none, no rule that a train can carry out gains anything over alone."
     assert "not among the rules" in sentences([line("exact", 0.1)], [])[0]
     assert "nothing to compare" in sentences([line(REFERENCE, 0.0)], [])[0]
+
+
+def test_who_delivers_too_much_is_not_named_the_best_and_who_passes_the_oracle_is_warned_of():
+    lines = [
+        line(REFERENCE, 0.0), line("plan-times", 0.06, over=0.03), line("exact", 0.02, over=MOST_OVER),
+        line("oracle", 0.05),
+    ]  # fmt: skip
+    found = standings(lines, {"one"})
+    assert [(one.rule, one.ranked) for one in found] == [
+        ("plan-times", False), ("oracle", False), ("exact", True),
+    ]  # fmt: skip
+    said = " ".join(sentences(lines, found))
+    assert "carry out, exact gains most (+2.00 under none)" in said
+    assert "Not ranked" in said
+    assert "plan-times under none (3.0 %)" in said
+    assert (
+        "Warning: under none, plan-times uses more of the bound than oracle (+6.00 against" in said
+    )
+    # none is left to be named
+    lines = [line(REFERENCE, 0.0), line("plan-times", 0.03, over=0.03), line("oracle", 0.05)]
+    (said,) = sentences(lines, standings(lines, {"one"}))
+    assert said.startswith("Not ranked")
+    (group,) = tables(lines, {}, 200)
+    notes = [str(one) for one in group.renderables if isinstance(one, str)]
+    assert any("rank by effort: plan-times, none" in note for note in notes)
 
 
 def test_gains_are_those_of_the_study_headroom(made):
