@@ -11,7 +11,7 @@ import os
 import platform
 import shutil
 import subprocess
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -305,6 +305,8 @@ class DrivenAttributes(TypedDict):
     """[kg]"""
     train_rotating_mass: float
     """[kg]"""
+    adhesion_curve: str
+    """JSON: class of the rail's curve and its values."""
     version_readhesion: str
     version_numpy: str
     version_numba: str
@@ -457,11 +459,13 @@ def driven_dataset(
 
 
 def _train_attributes(model: Model) -> dict[str, Any]:
-    train = model.train
+    train, curve = model.train, model.rail.curve
+    values = {one.name: getattr(curve, one.name) for one in fields(curve)}
     return {
         "train": train.name,
         "train_mass": train.mass,
         "train_rotating_mass": train.rotating_mass,
+        "adhesion_curve": json.dumps({"class": type(curve).__name__, "values": values}),
     }
 
 

@@ -353,6 +353,29 @@ def _weakest(values: Floats, groups: NDArray[np.int64], count: int) -> Floats:
     return found
 
 
+def motor_bounds(run: xr.Dataset, chosen: Any) -> Floats:
+    """Largest force [N] at the rail that the motors of each unit give at the `chosen` instants, (instants, units).
+
+    inf under blended brakes: air makes up for the motors.
+    """
+    braking = direction(run)[chosen] < 0.0
+    unit, units = series(run, "axle_unit"), run.sizes["unit"]
+    driven = unit >= 0
+    axles = np.bincount(unit[driven], minlength=units)
+    at_rail = axles * series(run, "unit_gear") / series(run, "unit_radius")
+    signed = np.where(
+        braking[:, None],
+        series(run, "brake_limit")[chosen],
+        series(run, "drive_limit")[chosen],
+    )
+    # what turns the wheelsets comes from the motors and does not reach the rail
+    turning = np.bincount(unit[driven], series(run, "axle_turning_mass")[driven], minlength=units)
+    gained = np.maximum(direction(run) * series(run, "acceleration"), 0.0)[chosen]
+    # less than 0 where the train turns wheels whose motors have failed
+    motors = at_rail * signed - turning * gained[:, None]
+    return np.where(braking[:, None] & bool(run.attrs["blended_brakes"]), np.inf, motors)
+
+
 @once_per_run
 def train_bounds(run: xr.Dataset) -> TrainBounds:
     """Plan, bounds and force at the instants that count.
@@ -375,19 +398,7 @@ def train_bounds(run: xr.Dataset) -> TrainBounds:
     own = expected[:, None] * series(run, "unit_static_load")
     units = run.sizes["unit"]
     weakest, shared = _weakest(available, unit, units), series(run, "unit_parallel") > 0
-    axles = np.bincount(unit[driven], minlength=units)
-    at_rail = axles * series(run, "unit_gear") / series(run, "unit_radius")
-    signed = np.where(
-        braking[:, None],
-        series(run, "brake_limit")[chosen],
-        series(run, "drive_limit")[chosen],
-    )
-    # what turns the wheelsets comes from the motors and does not reach the rail
-    turning = np.bincount(unit[driven], series(run, "axle_turning_mass")[driven], minlength=units)
-    gained = np.maximum(direction(run) * series(run, "acceleration"), 0.0)[chosen]
-    # less than 0 where the train turns wheels whose motors have failed
-    motors = at_rail * signed - turning * gained[:, None]
-    motors = np.where(braking[:, None] & blended, np.inf, motors)
+    motors = motor_bounds(run, chosen)
     most = equal = np.minimum(weakest, motors)
     if shared.any():
         most = np.minimum(np.where(shared, _of_units(available, unit, units), weakest), motors)

@@ -44,6 +44,7 @@ COLUMNS = (
     Column("time_to_speed", "time to\nspeed s", spare=2),
     Column("slip_time", "slip\naxle s"),
     Column("damage", "damage\nQ kJ", 1.0, 0),
+    Column("excess_damage", "excess\nof Q %", 100.0, spare=3),
     Column("jerk_rms", "jerk rms\nm/s³", 1.0, 2, spare=1),
     Column("jerk_peak", "jerk pk\nm/s³", 1.0, 2, spare=4),
     Column("coupler_peak", "coupler\nkN", 1.0, 0, spare=3),

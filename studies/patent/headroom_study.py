@@ -198,7 +198,8 @@ GOAL_OF_BOUND, GOAL_OF_HEADROOM, GOAL_OF_EXCESS = 0.995, 0.8, 0.005
 """Least use of the bound and least share of the headroom, most delivery beyond the plan."""
 
 NUMBERS = (
-    "bound_use", "held_back", "plan_use", "headroom", "over_delivery", "slip_time", "damage", "jerk_rms",
+    "bound_use", "held_back", "plan_use", "headroom", "over_delivery", "slip_time", "damage", "excess_damage",
+    "jerk_rms",
 )  # fmt: skip
 COSTS = {
     "slip_time": "slip [axle s]",
@@ -269,6 +270,7 @@ def _numbers(rule: str) -> dict[str, str]:
         f"share of headroom gained, above {100 * WORTH_SHARING:g} point": share_gained(rule),
         **{f"gain over plan, {name}": f"{more(rule)} if {_between(name)}" for name in STRATA},
         "delivered beyond the plan": f"over_delivery@{rule}",
+        "wheel damage beyond the least of the same effort": f"excess_damage@{rule}",
         **{f"{text}, less alone": more(rule, metric) for metric, text in COSTS.items()},
     }
 

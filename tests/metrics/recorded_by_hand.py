@@ -114,10 +114,13 @@ VARIABLES = {
     "unit_radius": ("unit", [0.5, 0.4]),
     "unit_parallel": ("unit", [0, 0]),
     "axle_radius": ("axle", [0.5, 0.5, 0.45, 0.4, 0.4, 0.4]),
+    "axle_car": ("axle", [0, 0, 1, 2, 2, 2]),
+    "car_speed": (("time", "car"), np.repeat(SPEED[:, None], 3, axis=1)),
 }  # fmt: skip
 
 ATTRIBUTES = {
     "train_mass": 60e3, "target_speed": 12.0, "blended_brakes": 1,
+    "adhesion_curve": '{"class": "RationalCurve", "values": {"peak_slip": 0.1, "steepness": 2.0}}',
     "detections": 4, "unit_detections": 7, "telegrams_sent": 90, "telegrams_lost": 3, "fallbacks": 2, "blinded": 1,
     "locks": 6, "time_outs": 5, "rule_calls": 11, "rule_failures": 8, "rule_time_s": 0.25,
     "controller_failures": 9, "controller_median_s": 0.002, "controller_p99_s": 0.0075,

@@ -144,7 +144,8 @@ def test_every_metric_of_this_package_has_a_value_by_hand():
         for name, metric in METRICS.items()
         if metric.function.__module__.startswith("alloc.metrics.")
     }
-    assert own == set(EXPECTED)
+    # the least of a program: a solver of its own in test_least_damage.py
+    assert own - {"excess_damage"} == set(EXPECTED)
 
 
 @looped("name", EXPECTED)
@@ -193,7 +194,7 @@ def test_without_demand_what_counts_under_demand_is_nan():
     run["driver_command"] = 0.0 * run["driver_command"]
     assert nan_of(run) == OF_UNITS - {"estimate_error"} | {
         "acceleration", "acceleration_ratio", "effort_ratio", "utilisation", "time_to_speed", "jerk_rms", "jerk_peak",
-        *OF_ROOM,
+        "excess_damage", *OF_ROOM,
     }  # fmt: skip
     result = evaluate(run)
     assert result["missed_slips"] == result["false_alarms"] == 0.0
@@ -205,7 +206,7 @@ def test_a_train_without_units_couplers_and_brake_groups_has_none_of_theirs():
     run = recorded(blended_brakes=0).isel(unit=slice(0), coupler=slice(0), brake_group=slice(0))
     run["axle_unit"] = ("axle", [-1] * 6)
     assert nan_of(run) == OF_UNITS | OF_ROOM | {
-        "utilisation", "coupler_peak", "air_consumption", "torsion_peak",
+        "utilisation", "coupler_peak", "air_consumption", "torsion_peak", "excess_damage",
     }  # fmt: skip
     result = evaluate(run)
     assert result["effort_ratio"] == result["missed_slips"] == result["false_alarms"] == 0.0
