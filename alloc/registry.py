@@ -10,9 +10,9 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any, ClassVar, Generic, TypeVar
 
 from alloc.display import table
@@ -138,7 +138,15 @@ class Registry(Mapping[str, Part], Generic[Part]):
 
     @cached_property
     def _installed(self) -> dict[str, EntryPoint]:
-        return {entry.name: entry for entry in entry_points(group=self.group)}
+        return {entry.name: entry for entry in offered(self.group)}
+
+
+_everything = cache(entry_points)  # it reads the metadata of all packages
+
+
+def offered(group: str) -> EntryPoints:
+    """What installed packages offer in a group of entry points."""
+    return _everything().select(group=group)
 
 
 def _calling() -> str:

@@ -227,10 +227,8 @@ def closure(*modules: str, later: bool = True) -> frozenset[str]:
         for one in source.imports + (source.later if later else []):
             one = resolve_name(one, package) if one.startswith(".") else one
             within, several, _ = one.partition(".*")
-            folder = ROOT.joinpath(*within.split("."))
-            waiting += (
-                [f"{within}.{file.stem}" for file in folder.glob("*.py")] if several else [one]
-            )
+            files = ROOT.joinpath(*within.split(".")).glob("*.py") if several else ()
+            waiting += [f"{within}.{file.stem}" for file in files] if several else [one]
         waiting += [*source.named, *([] if os.sep in name else [name.rpartition(".")[0]])]
     return frozenset(found)
 

@@ -467,7 +467,7 @@ def main() -> int:
     for library in LIBRARIES.split():
         importlib.import_module(library)
     with tempfile.TemporaryDirectory() as folder:
-        ignored = shutil.ignore_patterns(".*", "build", "__pycache__")
+        ignored = shutil.ignore_patterns(".*", "build", "*.egg-info", "__pycache__")
         shutil.copytree(ROOT, folder, dirs_exist_ok=True, ignore=ignored)
         os.chdir(folder)
         os.environ["PYTHONPATH"] = folder  # for processes that tests start

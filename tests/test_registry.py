@@ -13,7 +13,7 @@ from alloc.rules import RULES
 @pytest.fixture
 def rules(monkeypatch):
     entries = [EntryPoint("tan", "math:tan", "group"), EntryPoint("broken", "nowhere:x", "group")]
-    monkeypatch.setattr(registry_module, "entry_points", lambda group: entries)
+    monkeypatch.setattr(registry_module, "offered", lambda group: entries)
     return Registry("rule", "group", LookupError)
 
 

@@ -1,5 +1,6 @@
 """What there is and what belongs to it: `readhesion list`, `check`, `schema`, `new-scenario`."""
 
+import hashlib
 import json
 import sys
 from functools import partial
@@ -24,7 +25,7 @@ def list_names(*, as_json: Annotated[bool, Parameter("--json", negative=())] = F
     from rich.markup import escape
     from rich.table import Table
 
-    content = catalogue()
+    content = _kept_catalogue()
     if as_json:
         print(json.dumps(content, indent=2))
         return
@@ -231,6 +232,31 @@ def catalogue() -> dict[str, dict[str, str]]:
         },
         "columns of a log": column_names(),
     }
+
+
+def _kept_catalogue() -> dict[str, dict[str, str]]:
+    """The catalogue. To make it imports everything, so it is kept for as long as no file of a package with parts changes."""
+    from importlib.metadata import entry_points
+
+    from alloc.sources import PACKAGES, keep, kept, path_of
+
+    if "studies.core.plugins" in sys.modules:  # plug-ins are loaded, which belong to no package
+        return catalogue()
+    found = entry_points()
+    groups = sorted(one for one in found.groups if one.startswith("readhesion."))
+    offered = [entry for group in groups for entry in found.select(group=group)]
+    digest = hashlib.sha256(repr(offered).encode())
+    for top in sorted({*PACKAGES, *(entry.module.partition(".")[0] for entry in offered)}):
+        file = path_of(top) or Path(top)
+        several = file.parent.rglob("*") if file.name == "__init__.py" else [file]
+        for path in sorted(one for one in several if one.suffix in (".py", ".toml")):
+            digest.update(f"{path} {path.stat().st_size} ".encode() + path.read_bytes())
+    name = f"catalogue-{digest.hexdigest()[:32]}"
+    content = kept(name)
+    if content is None:
+        content = json.dumps(catalogue()).encode()
+        keep(name, content)
+    return dict(json.loads(content))
 
 
 def _train(name: str) -> str:

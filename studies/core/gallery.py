@@ -4,10 +4,11 @@ import hashlib
 import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import EntryPoint, entry_points, version
+from importlib.metadata import EntryPoint, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
+from alloc.registry import offered
 from alloc.sources import code_hash, write_whole
 from studies.core.plugins import plugin_modules
 from studies.files.study_error import FileWarning, StudyError
@@ -97,7 +98,7 @@ def draw_comparison(
     mark = out / MARK
     parts = [
         _entry().module,
-        *(entry.module for entry in entry_points(group=FURTHER)),
+        *(entry.module for entry in offered(FURTHER)),
         *plugin_modules(),
     ]
     rows = " ".join(table["cell"] + table["status"])
@@ -118,6 +119,6 @@ def draw_comparison(
 
 
 def _entry() -> EntryPoint:
-    for found in entry_points(group=GROUP):
+    for found in offered(GROUP):
         return found
     raise StudyError("nothing is installed that draws figures; run `make setup`")

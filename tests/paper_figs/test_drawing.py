@@ -85,7 +85,7 @@ def installed(monkeypatch):
     """The entry point that pyproject.toml states."""
     ((name, value),) = PYPROJECT["project"]["entry-points"][GROUP].items()
     points = {GROUP: [EntryPoint(name, value, GROUP)]}
-    monkeypatch.setattr(loader, "entry_points", lambda group: points.get(group, []))
+    monkeypatch.setattr(loader, "offered", lambda group: points.get(group, []))
     return points
 
 

@@ -269,7 +269,7 @@ def test_an_interrupt_is_one_line_also_while_it_imports_and_nothing_at_its_end(t
         own = (tmp_path / module).with_suffix(".py")
         own.write_text(interrupt)
         path = os.pathsep.join([str(tmp_path), *sys.path])
-        running = process("list", env=os.environ | {"PYTHONPATH": path})
+        running = process("schema", env=os.environ | {"PYTHONPATH": path})
         _, err = running.communicate(timeout=60)
         assert (running.returncode, err.count("\n")) == (130, 1), err
         own.unlink()
@@ -377,11 +377,37 @@ def test_an_interrupted_comparison_keeps_its_rows_and_ends_its_workers(
     assert (kept["status"] == "ok").all()
 
 
+HEAVY = "[one for one in ('numpy', 'pandas', 'scipy', 'numba', 'xarray', 'pydantic') if one in sys.modules]"
+
+
 def test_the_command_starts_without_the_libraries_that_take_a_second():
     """Each command imports what it needs when it runs; help and a wrong word are there at once."""
-    heavy = "numpy", "pandas", "scipy", "numba", "xarray", "pydantic"
-    asked = f"import sys, studies.command_line.main; print([one for one in {heavy} if one in sys.modules])"
+    asked = f"import sys, studies.command_line.main; print({HEAVY})"
     found = subprocess.run(
         [sys.executable, "-c", asked], capture_output=True, text=True, check=True
     )
     assert found.stdout.strip() == "[]"
+
+
+def test_a_list_is_kept_and_imports_nothing_until_a_package_with_parts_changes(tmp_path):
+    """Also one that is installed beside this project, and edited where it stands."""
+    own, about = tmp_path / "own_part.py", tmp_path / "own_part-1.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Name: own-part\nVersion: 1\n")
+    (about / "entry_points.txt").write_text("[readhesion.curves]\nown = own_part:Own\n")
+    asked = f"import sys; from studies.command_line.main import run; run(['list', '--json']); print({HEAVY})"
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    around = os.environ | {"PYTHONPATH": path, "READHESION_CACHE": str(tmp_path / "cache")}
+    for meaning in ("First.", "Second."):
+        own.write_text(f'class Own:\n    """{meaning}"""\n')
+        fresh, kept = (
+            subprocess.run(
+                [sys.executable, "-c", asked], env=around, capture_output=True, text=True
+            )
+            for _ in range(2)
+        )
+        assert f'"own": "{meaning}"' in fresh.stdout, fresh.stderr
+        (content, loaded), (again, nothing) = (one.stdout.rsplit("\n}\n") for one in (fresh, kept))
+        assert again == content
+        assert "numba" in loaded
+        assert nothing.strip() == "[]"
