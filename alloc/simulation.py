@@ -40,7 +40,7 @@ from alloc.rules.dispatch import compiled_index
 
 
 class _Believed(NamedTuple):
-    """What runs of an event under a rule share."""
+    """What runs of an event share under all rules that bring no settings of their own."""
 
     onboard: Onboard
     equipment: Equipment
@@ -168,7 +168,8 @@ def simulate(
         given = _given(commanded, onboard, model.layout)
         return _Believed(onboard, eq, expected, ByReference(eq), ByReference(given))
 
-    onboard, eq, expected, laid_out, given = event.made.once(chosen, believed)
+    belief = (chosen.needs_truth, canonical(dict(chosen.onboard)))
+    onboard, eq, expected, laid_out, given = event.made.once(belief, believed)
     ticks = given.commanded.size
     host: TrainController | CompiledControllers = ()
     law = found.name
@@ -181,17 +182,14 @@ def simulate(
             law = "none"
     added = host.added if isinstance(host, TellingController) else NOTHING_ADDED
 
-    def set_up() -> ByReference:
-        compiled = compiled_index(chosen) if onboard.limit_rate is None else -1
-        return ByReference(settings(onboard, filled(RuleSettings, chosen, compiled=compiled), law))
-
     def empty() -> LaidOut:
         return LaidOut(memory(eq, event.initial_speed, expected, added))
 
+    compiled = compiled_index(chosen) if onboard.limit_rate is None else -1
     computers = Computers(
         laid_out,
-        event.made.once((chosen, law), set_up),
-        event.made.once((chosen, added), empty).fresh(),
+        ByReference(settings(onboard, filled(RuleSettings, chosen, compiled=compiled), law)),
+        event.made.once((belief, added), empty).fresh(),
         answers(host if isinstance(host, tuple) else (), eq, ticks),
     )
     loop = ClosedLoop(
