@@ -16,6 +16,7 @@ from alloc.errors import SimulationError
 from alloc.onboard.equipment import Equipment, equipment
 from alloc.onboard.parameters import Onboard
 from alloc.plant.model import STABLE_STEP, Floats, Model
+from alloc.records import Made
 
 # One text for equal values: what hashes are made of. `repr` is for people, and leaves things out.
 
@@ -189,6 +190,11 @@ class Event:
     def equipment(self) -> Equipment:
         """What the train's computers believe; raises `OnboardError` where belief and train do not fit."""
         return equipment(self.model, self.onboard)
+
+    @cached_property
+    def made(self) -> Made:
+        """What runs of this event share."""
+        return Made()
 
     @cached_property
     def hash(self) -> str:

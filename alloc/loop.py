@@ -22,11 +22,9 @@ from alloc.onboard.brakes import (
 )
 from alloc.onboard.controllers.collection import control
 from alloc.onboard.distribution import distribute, prepare_allocation
-from alloc.onboard.equipment import Equipment
 from alloc.onboard.host import Answers, command_compiled
 from alloc.onboard.increment_learning import NO_LEARNING
 from alloc.onboard.sensing import sense
-from alloc.onboard.state import Memory, Settings
 from alloc.onboard.telegrams import hear_reports, write_reports
 from alloc.plant import engine as compiled
 from alloc.plant.engine import copy_row, find_limits, peak_field
@@ -173,9 +171,9 @@ class Plant(NamedTuple):
 class Computers(NamedTuple):
     """The train's computers in a run."""
 
-    equipment: Equipment
-    settings: Settings
-    memory: Memory
+    equipment: ByReference  # an `Equipment`
+    settings: ByReference  # `Settings`
+    memory: ByReference  # a `Memory`
     answers: Answers
 
 

@@ -238,10 +238,17 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
     state, noted = record.state, record.noted
     speed, omega, work = state[:, n.speed], state[:, n.omega], state[:, n.work].T
     share = s.body_mass / s.body_mass.sum()
-    # of what is long-lived the short-lived is made first, so memory peaks lower
+    # of what is long-lived the short-lived is made first, so memory peaks lower; what is the same for all instants, or for
+    # all cars, takes no memory of its own
     rim = s.radius * omega
     slip = rim - (speed if n.bodies == 1 else speed[:, s.axle_body])
     limit, top = _adhesion_limits(model, noted.peak, speed)
+
+    def of_cars(values: Floats) -> Floats:
+        if n.bodies == 1:
+            return np.broadcast_to(values, (len(values), n.cars))
+        return values[:, s.car_body]
+
     driven = s.axle_unit >= 0
     unit_load, unit_radius = (
         np.bincount(s.axle_unit[driven], values[driven], minlength=n.units)
@@ -256,8 +263,8 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
         "position": state[:, 0],
         "speed": _mean_of_bodies(share, speed),
         "acceleration": _mean_of_bodies(share, noted.acceleration),
-        "car_speed": speed[:, s.car_body],
-        "car_acceleration": noted.acceleration[:, s.car_body],
+        "car_speed": of_cars(speed),
+        "car_acceleration": of_cars(noted.acceleration),
         "rim_speed": rim,
         "slip_velocity": slip,
         "coefficient": noted.coefficient,
@@ -265,7 +272,7 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
         "peak_slip": top,
         "rail_force": noted.force,
         "brake_force": noted.brake,
-        "axle_load": noted.load,
+        "axle_load": noted.load if n.pitching else np.broadcast_to(s.static_load, slip.shape),
         "friction_work": state[:, n.friction_work],
         "motor_torque": state[:, n.torque],
         "drive_limit": drive_limit,
@@ -423,6 +430,9 @@ def to_dataset(
         values |= {f"learnt_{name}": found for name, found in learnt._asdict().items()}
     if model.layout.sanders:
         values["sand_rate"] = record.sand_rate
+    median, most = 0.0, 0.0
+    if tally.controller_times:
+        median, most = map(float, np.quantile(tally.controller_times, (0.5, 0.99)))
     attributes: dict[str, Any] = {
         "event": event.name,
         "event_hash": event.hash,
@@ -440,8 +450,8 @@ def to_dataset(
         "controller_calls": len(tally.controller_times),
         "controller_failures": tally.controller_failures,
         "controller_time_s": float(sum(tally.controller_times)),
-        "controller_median_s": float(np.median(tally.controller_times or [0.0])),
-        "controller_p99_s": float(np.quantile(tally.controller_times or [0.0], 0.99)),
+        "controller_median_s": median,
+        "controller_p99_s": most,
         "wall_time_s": tally.wall_time,
         "messages": json.dumps(tally.messages),
         **provenance(),

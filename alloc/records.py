@@ -7,11 +7,11 @@ pages the unit, meaning and source of each field.
 import hashlib
 import re
 from collections import namedtuple
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import field, is_dataclass
 from functools import cache, lru_cache
 from inspect import get_annotations
-from typing import Any, ClassVar, NamedTuple, TypeVar, get_args, get_origin
+from typing import Any, ClassVar, NamedTuple, TypeVar, cast, get_args, get_origin
 
 import numpy as np
 from docstring_parser.attrdoc import AttributeDocstrings
@@ -27,12 +27,15 @@ from numba.extending import (
     typeof_impl,
 )
 from numba.np.numpy_support import from_dtype
+from numpy.typing import NDArray
 
 # Nested records of arrays for compiled code, passed as one address.
 #
 # Numba passes a `NamedTuple` by value, field by field, seven numbers per array. With the hundreds of arrays of a run
 # this took most of the compile time, and more time than the work of a short step. Here compiled code gets the address
 # of a block in which every field lies as Numba keeps it in memory, and reads fields as those of the `NamedTuple`.
+
+Filled = TypeVar("Filled")
 
 _WORD = ir.IntType(64)
 _NUMBERS = {
@@ -61,14 +64,110 @@ class ByReference:
 
     def __init__(self, value: Any) -> None:
         self._value = value
-        self._words: list[int] = []
-        self._laid_out = _lay_out(value, self._words)
-        self.kind = _type(self._laid_out)
-        self.data = np.array(self._words, dtype=np.uint64)
+        words: list[int] = []
+        self.kind = _type(_lay_out(value, words))
+        self.data = np.array(words, dtype=np.uint64)
         self.address = self.data.ctypes.data
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._value, name)
+
+
+class Made(dict[Any, Any]):
+    """What an object makes once for all that use it, none of which may change it; a copy or a pickle begins anew."""
+
+    def once(self, key: Hashable, make: Callable[[], Filled]) -> Filled:
+        """What `make` gives, made once for `key`."""
+        if key not in self:
+            self[key] = make()
+        return cast(Filled, self[key])
+
+    def __reduce__(self) -> Any:
+        return Made, ()
+
+
+LINE = 64
+"""Bytes of a cache line."""
+
+
+class LaidOut:
+    """A `NamedTuple` as of `ByReference` whose arrays lie in one block, laid out once; `fresh` gives it with a copy of them.
+
+    So a run need not look for hundreds of addresses, which takes longer than many a run's steps. Each array has cache lines
+    of its own; where they happened to lie otherwise made the plant's right side up to 1.5 times slower. Arrays that overlap,
+    such as a block and its rows, overlap in the copy too.
+    """
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+        arrays = list(_arrays_of(value))
+        spans = [(_address(one), one.nbytes) for one in arrays]
+        self._places, first, end, place = {}, 0, 0, 0
+        for k in sorted(range(len(arrays)), key=spans.__getitem__):
+            start, length = spans[k]
+            if start >= end:
+                place += -(-(end - first) // LINE) * LINE
+                first = start
+            self._places[id(arrays[k])] = place + start - first
+            end = max(end, start + length)
+        self._content = np.zeros(place + end - first, dtype=np.uint8)
+        for array in arrays:
+            self.placed(array, self._content)[...] = array
+        # numbers are the same wherever the block lies, addresses move with it
+        blocks = self._copy(), self._copy()
+        one, other = (ByReference(self.placed(value, block)) for block in blocks)
+        self.kind = one.kind
+        self._moves = (one.data != other.data).astype(np.uint64)
+        self._words = one.data - self._moves * np.uint64(_address(blocks[0]))
+
+    def _copy(self) -> NDArray[np.uint8]:
+        room = np.empty(self._content.size + LINE, dtype=np.uint8)
+        start = -_address(room) % LINE
+        block = room[start : start + self._content.size]
+        block[:] = self._content
+        return block
+
+    def placed(self, part: Any, block: NDArray[np.uint8]) -> Any:
+        """`part` of the value with its arrays in `block`."""
+        if isinstance(part, np.ndarray):
+            return np.ndarray(part.shape, part.dtype, cast(Any, block), self._places[id(part)])
+        if hasattr(part, "_fields"):
+            return type(part)(*(self.placed(one, block) for one in part))
+        return part
+
+    def words_at(self, block: NDArray[np.uint8]) -> NDArray[np.uint64]:
+        """What compiled code reads where the arrays are those in `block`."""
+        return self._words + self._moves * np.uint64(_address(block))
+
+    def fresh(self) -> ByReference:
+        """The record with arrays of its own, as they were when it was laid out."""
+        return _Fresh(self)
+
+
+class _Fresh(ByReference):
+    """Fields become arrays of Python where they are asked for."""
+
+    def __init__(self, made: LaidOut) -> None:
+        self._made, self._block = made, made._copy()
+        self.kind, self.data = made.kind, made.words_at(self._block)
+        self.address = self.data.ctypes.data
+
+    def __getattr__(self, name: str) -> Any:
+        found = self._made.placed(getattr(self._made.value, name), self._block)
+        setattr(self, name, found)
+        return found
+
+
+def _address(array: NDArray[Any]) -> int:
+    return int(array.__array_interface__["data"][0])
+
+
+def _arrays_of(value: Any) -> Iterator[NDArray[Any]]:
+    for item in value:
+        if isinstance(item, np.ndarray):
+            yield item
+        elif hasattr(item, "_fields"):
+            yield from _arrays_of(item)
 
 
 def _lay_out(value: Any, words: list[int]) -> tuple[str, tuple[tuple[str, Any, int], ...]]:
@@ -80,12 +179,11 @@ def _lay_out(value: Any, words: list[int]) -> tuple[str, tuple[tuple[str, Any, i
         if isinstance(item, np.ndarray):
             if not item.flags.c_contiguous:
                 raise TypeError(f"{type(value).__name__}.{name}: the array is not contiguous")
-            address = item.__array_interface__["data"][0]
-            words += [0, 0, item.size, item.itemsize, address, *item.shape, *item.strides]
+            words += [0, 0, item.size, item.itemsize, _address(item), *item.shape, *item.strides]
             what = item.dtype, item.ndim
         elif isinstance(item, ByReference):
-            what = item._laid_out
-            words += item._words
+            what = item.kind
+            words += item.data.tolist()
         elif hasattr(item, "_fields"):
             what = _lay_out(item, words)
         elif item is not None:
@@ -105,6 +203,8 @@ def _type(what: Any) -> types.Type:
     """Numba's type of a field, or of a record, that is `what` says `_lay_out`."""
     if what is None:
         return types.none
+    if isinstance(what, types.Type):
+        return what
     if isinstance(what, type):
         return _NUMBERS[what][1]
     if isinstance(what[0], str):
@@ -241,8 +341,6 @@ def meant(docstring: str) -> Meaning:
 #
 # A number is declared once, as a field of a frozen dataclass. One that is the same for every train is a `ClassVar`: no file
 # sets it. `numbers_of` makes the record that compiled code reads.
-
-Filled = TypeVar("Filled")
 
 NOT_IN_FILES = {"unit": None}
 """Metadata of a field that no scenario file sets."""

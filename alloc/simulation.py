@@ -6,7 +6,7 @@ import time as clock
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -16,7 +16,7 @@ from alloc.errors import OnboardError, check_compiling
 from alloc.event import DriverCommand, Event, SimulationError, canonical
 from alloc.loop import ALLOCATION, CONTROL, ClosedLoop, Computers, Given, Part, run_with_computers
 from alloc.onboard.controllers.base import share_of_target, torque_per_coefficient
-from alloc.onboard.equipment import equipment
+from alloc.onboard.equipment import Equipment, equipment
 from alloc.onboard.host import (
     CONTROLLERS,
     NOT_A_TORQUE,
@@ -34,9 +34,19 @@ from alloc.onboard.state import RuleSettings, attachments, memory, settings
 from alloc.onboard.telegrams import NOTHING_ADDED
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
-from alloc.records import ByReference, filled
+from alloc.records import ByReference, LaidOut, filled
 from alloc.rules import Allocation, AllocationProblem, Rule, find_rule
 from alloc.rules.dispatch import compiled_index
+
+
+class _Believed(NamedTuple):
+    """What runs of an event share under all rules that bring no settings of their own."""
+
+    onboard: Onboard
+    equipment: Equipment
+    expected: float  # coefficient that the first command needs
+    laid_out: ByReference  # the equipment
+    given: ByReference  # a `Given`
 
 
 @dataclass(frozen=True)
@@ -152,39 +162,48 @@ def simulate(
     except OnboardError as error:
         raise SimulationError(str(error)) from None
     chosen = find_rule(rule) if isinstance(rule, str) else rule
-    onboard, model = event.onboard.with_settings(chosen.onboard), event.model
-    eq = event.equipment if onboard is event.onboard else equipment(model, onboard)
-    ticks = round(event.duration / onboard.period)
-    commanded = event.command.sampled(onboard.period * np.arange(ticks, dtype=np.float64))
-    share = eq.brake_share if eq.blended and commanded[0] < 0.0 else eq.planned_share
+    model = event.model
+
+    def believed() -> _Believed:
+        onboard = event.onboard.with_settings(chosen.onboard)
+        eq = event.equipment if onboard is event.onboard else equipment(model, onboard)
+        if chosen.needs_truth and model.layout.units > 0:  # without motors a rule has nothing to do
+            onboard = replace(onboard, reference=replace(onboard.reference, source="truth"))
+        ticks = round(event.duration / onboard.period)
+        commanded = event.command.sampled(onboard.period * np.arange(ticks, dtype=np.float64))
+        share = eq.brake_share if eq.blended and commanded[0] < 0.0 else eq.planned_share
+        expected = abs(float(commanded[0])) * share
+        given = _given(commanded, onboard, model.layout)
+        return _Believed(onboard, eq, expected, ByReference(eq), ByReference(given))
+
+    belief = (chosen.needs_truth, canonical(dict(chosen.onboard)))
+    onboard, eq, expected, laid_out, given = event.made.once(belief, believed)
+    ticks = given.commanded.size
     host: TrainController | CompiledControllers = ()
     law = found.name
     if chosen.needs_truth:
         law = "none"  # who knows the rail needs no readhesion control
-        if model.layout.units > 0:  # without motors a rule has nothing to do
-            onboard = replace(onboard, reference=replace(onboard.reference, source="truth"))
     elif isinstance(found, HostedController):
         if model.layout.units > 0:
             host = found.factory(unit_contexts(model, eq, onboard, found.name))
         else:  # a train without motors has no torque to control, whatever controller it is given
             law = "none"
     added = host.added if isinstance(host, TellingController) else NOTHING_ADDED
+
+    def empty() -> LaidOut:
+        return LaidOut(memory(eq, event.initial_speed, expected, added))
+
     compiled = compiled_index(chosen) if onboard.limit_rate is None else -1
     computers = Computers(
-        eq,
-        settings(
-            onboard,
-            filled(RuleSettings, chosen, compiled=compiled),
-            law,
-        ),
-        memory(eq, event.initial_speed, abs(float(commanded[0])) * share, added),
+        laid_out,
+        ByReference(settings(onboard, filled(RuleSettings, chosen, compiled=compiled), law)),
+        event.made.once((belief, added), empty).fresh(),
         answers(host if isinstance(host, tuple) else (), eq, ticks),
     )
     loop = ClosedLoop(
         model, ticks, onboard.period, event.longest_step, event.record_period,
         event.initial_speed, event.initial_position,
     )  # fmt: skip
-    given = _given(commanded, onboard, model.layout, computers.settings.telegrams.ticks)
     learnt = None if onboard.learning.kind == "none" else computers.memory.learnt
     record = Record.allocate(loop.records, model.layout, learnt is not None)
     tally = Tally()
@@ -195,8 +214,8 @@ def simulate(
         torque = loop.plant.state[model.layout.torque]
         parts[CONTROL] = _ControllerInPython(host, computers, onboard.period, torque, tally)
 
-    parts_of_run = (loop.plant, computers, loop.timing, given, loop.progress, record)
-    go = partial(run_with_computers, *map(ByReference, parts_of_run))
+    before, after = (loop.plant, computers, loop.timing), (loop.progress, record)
+    go = partial(run_with_computers, *map(ByReference, before), given, *map(ByReference, after))
     started = clock.perf_counter()
     loop.run(go, parts, on_progress, until_speed)
     tally.wall_time = clock.perf_counter() - started
@@ -236,8 +255,9 @@ def _check_kinds(event: Any, rule: Any, controller: Any) -> None:
             raise SimulationError(f"{name} = {part!r:.80} is none: give its name, or {wanted}")
 
 
-def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) -> Given:
+def _given(commanded: Floats, onboard: Onboard, n: Layout) -> Given:
     """Commands and common random numbers: sensor noise, draws for jitter and loss."""
+    telegram_ticks = max(1, round(onboard.telegrams.period / onboard.period))
     generator = np.random.default_rng([onboard.sensors.seed, 1])
     sigma, ticks = onboard.sensors.speed_noise, commanded.size
     noise = sigma * generator.standard_normal((ticks if sigma > 0.0 else 1, n.axles))
@@ -256,9 +276,7 @@ def inputs_hash(event: Event) -> str:
     model, onboard = event.model, event.onboard
     eq, telegrams = event.equipment, onboard.telegrams
     ticks = round(event.duration / onboard.period)
-    given = _given(
-        np.zeros(ticks), onboard, model.layout, max(1, round(telegrams.period / onboard.period))
-    )
+    given = _given(np.zeros(ticks), onboard, model.layout)
     # + 0.0: without noise there are zeros of either sign
     parts = (
         model.structure, model.environment, eq, given.noise + 0.0,

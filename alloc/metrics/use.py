@@ -128,9 +128,17 @@ def damage(run: xr.Dataset) -> float:
     return float((work[-1] - work[0]).sum() / 1e3)
 
 
+class Wear(NamedTuple):
+    """What three metrics say of T gamma [N], creep force times creepage."""
+
+    mean: float
+    severe: float
+    worn: float
+
+
 @once_per_run
-def wear_numbers(run: xr.Dataset) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """T gamma [N] of each wheel of every axle, (instants - 1, axle), and the way [m] over which it acts, (instants - 1, 1).
+def wear(run: xr.Dataset) -> Wear:
+    """Metrics of T gamma, at once: what lies between is as large as a recorded variable of all axles.
 
     Creep force times creepage is the work that a wheel dissipates per metre of its way. Half of an axle's belongs to each
     wheel; it is the mean from one record to the next. 0 at a stand.
@@ -138,20 +146,27 @@ def wear_numbers(run: xr.Dataset) -> tuple[NDArray[np.float64], NDArray[np.float
     number = np.diff(series(run, "friction_work"), axis=0)
     np.maximum(number, 0.0, out=number)
     number *= 0.5
-    way = np.abs(np.diff(series(run, "position")))
-    moves = way > 0.0
-    np.divide(number, way[:, None], out=number, where=moves[:, None])
+    way = np.abs(np.diff(series(run, "position")))[:, None]
+    moves = way[:, 0] > 0.0
+    np.divide(number, way, out=number, where=moves[:, None])
     number[~moves] = 0.0
-    return number, way[:, None]
+    severe, rate = number > SEVERE, np.minimum(number, MILD)
+    rate *= 0.25
+    rate[severe] = 1.19 * number[severe] - 154.0
+    rate *= 1e-3 * way
+    rate /= 2e3 * series(run, "axle_radius")
+    worn, length = float(2.0 * rate.sum()), way.sum() * number.shape[1]
+    work = np.multiply(number, way, out=number)
+    whole = work.sum()
+    mean = float(whole / length) if length else float("nan")
+    work[~severe] = 0.0
+    return Wear(mean, float(work.sum() / whole) if whole else float("nan"), worn)
 
 
 @metric("wear_number", "N", "T gamma of a wheel, mean over way and axles", -1, NEVER_NEGATIVE)
 def wear_number(run: xr.Dataset) -> float:
     """Mean T gamma of a wheel [N] over the way; nan where the train stands."""
-    number, way = wear_numbers(run)
-    return (
-        float((number * way).sum() / (way.sum() * number.shape[1])) if way.sum() else float("nan")
-    )
+    return wear(run).mean
 
 
 @metric(
@@ -163,11 +178,7 @@ def wear_number(run: xr.Dataset) -> float:
 )
 def severe_work(run: xr.Dataset) -> float:
     """Share of the dissipated work that wheels do in the regime of catastrophic wear; nan where there is none."""
-    number, way = wear_numbers(run)
-    work = number * way
-    whole = work.sum()
-    work[number <= SEVERE] = 0.0
-    return float(work.sum() / whole) if whole else float("nan")
+    return wear(run).severe
 
 
 @metric(
@@ -183,13 +194,7 @@ def wheel_wear(run: xr.Dataset) -> float:
     Per kilometre and wheel diameter D [mm] it is 0.25 T gamma / D up to 100 N, 25 / D up to 200 N, (1.19 T gamma - 154) / D
     beyond (Pearce and Sherratt, Prediction of wheel profile wear, Wear 144 (1991) 343-351).
     """
-    number, way = wear_numbers(run)
-    severe, rate = number > SEVERE, np.minimum(number, MILD)
-    rate *= 0.25
-    rate[severe] = 1.19 * number[severe] - 154.0
-    rate *= 1e-3 * way
-    rate /= 2e3 * series(run, "axle_radius")
-    return float(2.0 * rate.sum())
+    return wear(run).worn
 
 
 @metric("distance", "m", "distance run until the end, or until the target speed", 0)
@@ -408,7 +413,7 @@ def train_bounds(run: xr.Dataset) -> TrainBounds:
     )
     apart = np.maximum(np.minimum(own, most).sum(axis=1), 0.0)
     delivered = force[:, driven].sum(axis=1)
-    if blended:
+    if blended and braking.any():
         trailing = ~driven & (group >= 0)
         numbers, inside = np.unique(group[trailing], return_inverse=True)
         planned = expected[:, None] * np.bincount(inside, series(run, "axle_static_load")[trailing])

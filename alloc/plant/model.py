@@ -6,6 +6,7 @@ In: `Train`, `Rail`, `Line`. Out: a `Model` with the `Layout` of the state, the 
 
 import math
 from dataclasses import astuple, dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.laws import INDUCTION, LOCK_TIME, STANDSTILL_SPEED
 from alloc.plant.rail import Line, Patches, Rail, Receptivity, axle_values, patch_arrays
 from alloc.plant.train import NO_CHARACTERISTIC, Car, DraftGear, Train
+from alloc.records import Made
 
 # From a train to the arrays that the plant computes with.
 
@@ -76,6 +78,8 @@ class Layout(NamedTuple):
     draft_gears: int
     """Couplers between the bodies where any of them has friction, else 0."""
     sanders: int
+    pitching: int = 0
+    """Axles where the force of its car unloads any of them, else 0."""
     shafts: int = 0
     """Axles where the drive of any of them twists, else 0."""
     recoveries: int = 0
@@ -267,7 +271,8 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
     sizes = (structure.body_mass.size, len(axles), len(cars), len(units), len(brakes))
     rubs = any(isinstance(one, DraftGear) for one in couplers)
     gears, shafts = len(couplers) if rubs else 0, len(axles) if shaft.any() else 0
-    return structure, Layout(*sizes, draft_gears=gears, sanders=sander, shafts=shafts)
+    pitching = len(axles) if structure.unloading.any() else 0
+    return structure, Layout(*sizes, gears, sander, pitching, shafts)
 
 
 # From a rail and a line to the arrays that the plant computes with.
@@ -420,6 +425,11 @@ class Model:
     environment: Environment
     span: tuple[float, float]
     """Stretch of line in the tables [m]."""
+
+    @cached_property
+    def made(self) -> Made:
+        """What runs of this model share."""
+        return Made()
 
     def __repr__(self) -> str:
         return f"<Model: train {self.train.name!r} on {repr(self.rail)[1:-1]}>"

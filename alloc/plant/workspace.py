@@ -3,8 +3,7 @@
 In: a `Model`. Out: a `Workspace`, all memory that the compiled plant ever needs.
 """
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from alloc.plant.laws import HOLDING_BRAKE
 from alloc.plant.model import NO_WEDGES, Floats, Ints, Layout, Model
 from alloc.plant.operations import WIDTH, padded
 from alloc.plant.rail import Patches
-from alloc.records import ByReference
+from alloc.records import ByReference, LaidOut
 
 # Arrays in whole blocks of `WIDTH`, as vector code takes them.
 
@@ -39,38 +38,6 @@ def members(owner: Ints, count: int, absent: int) -> Ints:
     for k, some in enumerate(own):
         found[: len(some), k] = some
     return found
-
-
-def packed(parts: Any) -> Any:
-    """The same with all arrays of numbers side by side, each on a cache line of its own.
-
-    Where they happened to lie otherwise made the right side up to 1.5 times slower.
-    """
-    arrays = [values for values in _leaves(parts) if isinstance(values, np.ndarray)]
-    places = np.cumsum([0, *(padded(values.size) for values in arrays)])
-    raw = np.zeros(int(places[-1]) + WIDTH)
-    start = -raw.ctypes.data // raw.itemsize % WIDTH
-    rest = iter(zip(arrays, places + start, strict=False))
-
-    def placed(part: Any) -> Any:
-        if isinstance(part, tuple):
-            return type(part)(*map(placed, part))
-        if not isinstance(part, np.ndarray):
-            return part
-        values, first = next(rest)
-        room = raw[first : first + values.size].view(values.dtype).reshape(values.shape)
-        room[...] = values
-        return room
-
-    return placed(parts)
-
-
-def _leaves(part: Any) -> Iterator[Any]:
-    if isinstance(part, tuple):
-        for one in part:
-            yield from _leaves(one)
-    else:
-        yield part
 
 
 # A model laid out for vector code: its arrays in whole blocks, the state as the integrator keeps it, and scratch.
@@ -252,7 +219,7 @@ class Noted(NamedTuple):
 
     peak: Floats  # (axles,) peak coefficient
     coefficient: Floats  # (axles,) tangential force coefficient
-    load: Floats  # (axles,) [N]
+    load: Floats  # (axles,) [N]; none where it is the static one
     force: Floats  # (axles,) of the rail [N]
     brake: Floats  # (axles,) of the brake shoes at the rim [N]
     motor: Floats  # (shafts,) torque of motors at the wheel [N m]
@@ -263,7 +230,8 @@ class Noted(NamedTuple):
     @classmethod
     def of(cls, n: Layout, *instants: int) -> "Noted":
         """Room for one instant, or for a number of `instants`."""
-        sizes = (*(n.axles,) * 5, *(n.shafts,) * 2, n.bodies, n.bodies - 1)
+        axles, shafts = (n.axles, n.axles), (n.shafts, n.shafts)
+        sizes = (*axles, n.pitching, *axles, *shafts, n.bodies, n.bodies - 1)
         return cls(*(np.zeros((*instants, size)) for size in sizes))
 
 
@@ -431,10 +399,15 @@ def _scratch(model: Model, row: Rows, step: float) -> Scratch:
 
 def workspace(model: Model, step: float) -> ByReference:
     """Everything that `model` needs to be advanced with `step` [s]: a `Workspace`."""
+    made = model.made.once(step, lambda: LaidOut(_workspace(model, step)))
+    return made.fresh()
+
+
+def _workspace(model: Model, step: float) -> Workspace:
     n = model.layout
     row = _rows(n)
     parts = zip(row, _sizes(n), strict=False)
-    found = Workspace(
+    return Workspace(
         size=n,
         row=row,
         place=np.concatenate([first + np.arange(size) for first, size in parts]),
@@ -447,4 +420,3 @@ def workspace(model: Model, step: float) -> ByReference:
         scratch=_scratch(model, row, step),
         noted=Noted.of(n),
     )
-    return ByReference(packed(found))

@@ -137,4 +137,5 @@ def simulate_job(job: Job) -> xr.Dataset:
 
 def _run(job: Job, event: Event) -> xr.Dataset:
     run = simulate(event, job.rule, job.controller)
-    return run.assign_attrs(scenario=job.scenario.name, scenario_hash=job.scenario.hash())
+    run.attrs |= {"scenario": job.scenario.name, "scenario_hash": job.scenario.hash()}
+    return run

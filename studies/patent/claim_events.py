@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from alloc.metrics.registry import EITHER_WAY
+from alloc.metrics.registry import EITHER_WAY, series
 from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
 from studies.core import drawn_events as shared
@@ -124,18 +124,18 @@ def measure(run: xr.Dataset) -> dict[str, float]:
     - use_over: adhesion used there, and by class of excess.
     - limit_travel: total movement of the limit, up and down, mean over units, over the plan's coefficient.
     """
-    time, command = run["time"].values, run["driver_command"].values
+    time, command = series(run, "time"), series(run, "driver_command")
     demand = command != 0.0
     window = demand & (time >= time[int(np.argmax(demand))] + SETTLING)
-    unit_of_axle = run["axle_unit"].values
+    unit_of_axle = series(run, "axle_unit")
     units = run.sizes["unit"]
     member = (unit_of_axle[:, None] == np.arange(units)).astype(float)
-    force = (np.sign(command)[:, None] * run["rail_force"].values)[window] @ member
-    available = (run["adhesion_limit"].values * run["axle_load"].values)[window] @ member
-    load = run["axle_load"].values[window] @ member
-    expected = run["expected"].values[window]
-    limit = run["limit"].values[window]
-    adhesion = run["adhesion_limit"].values[window] @ (member / member.sum(axis=0))
+    force = (np.sign(command)[:, None] * series(run, "rail_force"))[window] @ member
+    available = (series(run, "adhesion_limit") * series(run, "axle_load"))[window] @ member
+    load = series(run, "axle_load")[window] @ member
+    expected = series(run, "expected")[window]
+    limit = series(run, "limit")[window]
+    adhesion = series(run, "adhesion_limit")[window] @ (member / member.sum(axis=0))
     reach = available.sum(axis=1) / load.sum(axis=1) / expected
     use = force.sum(axis=0) / available.sum(axis=0)
     step = float(time[1] - time[0])
@@ -151,7 +151,7 @@ def measure(run: xr.Dataset) -> dict[str, float]:
             (np.abs(np.diff(limit, axis=0)).sum(axis=0) / expected.mean()).mean()
         ),
         **_under_excess(
-            limit / adhesion - 1.0, force, available, run["case"].values[window] > 0.0, step
+            limit / adhesion - 1.0, force, available, series(run, "case")[window] > 0.0, step
         ),
     }
 
