@@ -80,7 +80,7 @@ TABLES = {
     "ladder": (ladder_table,), "curves": (curve_table,), "headroom": (headroom_table,), "mismatch": (mismatch_table,),
     "differences": (difference_table,), "brake-cut-out": (brake_table,), "learning": (learning_table,),
     **dict.fromkeys(("claim-verdicts", "claim-verdicts-search"), (lambda: claim_table(60),)),
-    "adhesion-curve": (), "open-rails": (),
+    "adhesion-curve": (), "open-rails": (), "model": (),
     **dict.fromkeys(("slide-pareto", "slide-electric"), (slide_table,)),
     **dict.fromkeys(("margin-sweep", "width-sweep", "downhill"), (sweep_table,)),
     "blended": (blended_table,), "sanders": (sander_table,),
