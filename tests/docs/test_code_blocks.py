@@ -149,6 +149,8 @@ def test_commands_are_understood():
 
 
 def understood(page, line):
+    if line == "source .venv/bin/activate":
+        return
     if line.startswith("make "):
         target = shlex.split(line, comments=True)[1]
         assert re.search(rf"^{target}: ", (ROOT / "Makefile").read_text(), re.MULTILINE), line

@@ -75,7 +75,9 @@ def named(name):
 
 def test_values_of_tables_are_those_of_the_code():
     """Rows of a value and the dotted name of what has it."""
-    rows = re.findall(r"\| (-?[\d.]+)[^|]* \| `((?:alloc|mpc)(?:\.\w+)+)` \|", "\n".join(PAGES.values()))
+    rows = re.findall(
+        r"\| (-?[\d.]+)[^|]* \| `((?:alloc|mpc)(?:\.\w+)+)` \|", "\n".join(PAGES.values())
+    )
     assert len(rows) >= 8
     assert [(name, value) for value, name in rows if named(name) != float(value)] == []
 
