@@ -2,13 +2,19 @@
 
 import re
 import sys
+from collections.abc import Iterator
 from importlib.metadata import version as installed_version
 from pathlib import Path
 from typing import Any
 
 from docutils import nodes
+from docutils.utils.math import MathError
+from docutils.utils.math.latex2mathml import tex2mathml
+from pygments.lexers import get_lexer_for_filename
+from pygments.util import ClassNotFound
 from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.util.logging import getLogger
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -20,7 +26,8 @@ language = "en"
 html_title = "readhesion"
 html_theme = "furo"
 html_static_path = ["static"]
-html_css_files = ["tables.css"]
+html_css_files = ["site.css"]
+html_math_renderer = "mathml"
 html_show_copyright = False
 html_show_sourcelink = html_copy_source = False
 
@@ -35,6 +42,8 @@ nb_execution_timeout = 600  # [s] of a cell; the first may compile
 nb_output_stderr = "remove"  # such as the line while kernels compile
 nb_merge_streams = True
 
+myst_enable_extensions = ["dollarmath"]
+myst_fence_as_directive = ["math"]
 myst_heading_anchors = (
     4  # links to a heading of another page, as the plain view of the repository has them
 )
@@ -97,6 +106,60 @@ def escape_bars(
         lines[k] = "`".join(parts)
 
 
+NUMBER = re.compile(r"\\tag\{(\w+)\}")
+
+
+def visit_math(writer: Any, node: nodes.math | nodes.math_block) -> None:
+    """Write an equation as MathML, which browsers set themselves; the number of a displayed one beside it."""
+    block = isinstance(node, nodes.math_block)
+    number = NUMBER.search(node.astext())
+    try:
+        made = tex2mathml(NUMBER.sub("", node.astext()), as_block=block)
+    except MathError as error:
+        getLogger(__name__).warning("math: %s", error, location=node)
+        made = ""
+    beside = f'<span class="eqno">({number[1]})</span>' if number else ""
+    writer.body.append(f'<div class="math">{made}{beside}</div>' if block else made)
+    raise nodes.SkipNode
+
+
+named_files: set[str] = set()
+"""Files of the repository that pages name and that are no pages themselves."""
+
+
+def link_sources(app: Sphinx, doctree: nodes.document, page: str) -> None:
+    """Make inline code that names a file of the repository, or a part of the library, a link to it."""
+    objects = app.env.domains.python_domain.objects
+    for code in list(doctree.findall(nodes.literal)):
+        if isinstance(code.parent, nodes.reference | nodes.title):
+            continue
+        name, anchor = code.astext(), ""
+        own_page = name.removeprefix("docs/").removesuffix(".md")
+        if own_page in app.env.found_docs and name.endswith(".md"):
+            target = own_page
+        elif "/" in name and (ROOT / name).is_file():
+            target = f"source/{name}"
+            named_files.add(name)
+        elif "." in name and name in objects:
+            target, anchor = objects[name].docname, f"#{objects[name].node_id}"
+        else:
+            continue
+        uri = app.builder.get_relative_uri(page, target) + anchor
+        code.replace_self(nodes.reference("", "", code.deepcopy(), refuri=uri, internal=True))
+
+
+def source_pages(app: Sphinx) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """A page with the text of each file that is named."""
+    for name in sorted(named_files):
+        try:
+            language = get_lexer_for_filename(name).aliases[0]
+        except ClassNotFound:
+            language = "text"
+        text = (ROOT / name).read_text(encoding="utf-8")
+        shown = app.builder.highlighter.highlight_block(text, language, linenos="inline")
+        yield f"source/{name}", {"title": name, "body": f"<h1>{name}</h1>{shown}"}, "page.html"
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Write the pages that follow from the code; show types by their names."""
     page = HERE / "_generated" / "names.md"
@@ -106,4 +169,8 @@ def setup(app: Sphinx) -> dict[str, Any]:
         page.write_text(text, encoding="utf-8")
     app.connect("autodoc-process-docstring", escape_bars)
     app.connect("object-description-transform", shorten_types)
-    return {"parallel_read_safe": True}
+    app.connect("doctree-resolved", link_sources)
+    app.connect("html-collect-pages", source_pages)
+    written = visit_math, None
+    app.add_html_math_renderer("mathml", inline_renderers=written, block_renderers=written)
+    return {"parallel_read_safe": True, "parallel_write_safe": False}

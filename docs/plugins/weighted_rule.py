@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from alloc.rules import RULES, Rule
+from alloc.rules import RULES, Caps, Rule
 from alloc.rules.problem import CASE_A, CASE_B, allocation
 
 
@@ -23,5 +23,11 @@ def answer(problem):
 
 
 RULES.register(
-    "weighted", Rule("weighted", "the deficit in proportion to what units can spare", answer)
+    "weighted",
+    Rule(
+        "weighted",
+        "the deficit in proportion to what units can spare",
+        answer,
+        caps=Caps.DELIVERED,  # what each limited unit delivers, not what the foremost one tells of all
+    ),
 )

@@ -30,13 +30,17 @@ class Block(NamedTuple):
     page: str
     language: str
     code: str
+    shown: str = ""
+    """The block of text that follows at once: what it prints."""
 
 
 def blocks(*languages: str) -> list[Block]:
     """Blocks in these languages, of all pages in their order."""
-    fence = re.compile(r"^```([^\n]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+    fence = re.compile(
+        r"^```([^\n]*)\n(.*?)^```$(?=(?:\n\n```text\n(.*?)^```$)?)", re.DOTALL | re.MULTILINE
+    )
     found = [
-        Block(page, *match.groups())
+        Block(page, *match.groups(default=""))
         for page, text in PAGES.items()
         for match in fence.finditer(text)
     ]

@@ -3,6 +3,8 @@
 import json
 import re
 import shlex
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -22,7 +24,7 @@ from studies.scenario.scenario import Scenario, load_scenario, shipped_scenarios
 from studies.scenario.train_file import read_train_file
 from tests.docs.pages import ROOT, Block, blocks
 
-LANGUAGES = {"sh", "python", "toml", "json", "text"}
+LANGUAGES = {"sh", "python", "toml", "json", "text", "math"}
 PYTHON = blocks("python")
 FILES = blocks("toml")
 COMMANDS = [
@@ -32,7 +34,7 @@ COMMANDS = [
     if line.strip() and not line.startswith("#")
 ]
 """Lines of shell blocks, continued ones as one."""
-PROGRAM = re.compile(r"(?:\.venv/bin/)?readhesion (.*)")
+PROGRAM = re.compile(r"readhesion (.*)")
 OTHER_PROGRAMS = ("dask ", "srun ")
 """Beginnings of lines that no test here understands: they need a cluster."""
 RUN = {
@@ -94,9 +96,17 @@ def test_python_runs(block, capsys, monkeypatch, tmp_path):
     monkeypatch.setattr(METRICS, "_parts", dict(METRICS._parts))
     monkeypatch.setattr(METRICS, "_origins", dict(METRICS._origins))
     exec(compile(block.code, block.page, "exec"), {"__name__": "block"})
+    if "def test_" in block.code:
+        path = tmp_path / "test_block.py"
+        path.write_text(block.code)
+        asked = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(path)]
+        told = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False)
+        assert told.returncode == 0, told.stdout
     shown = capsys.readouterr().out
     for value in re.findall(r"print\(.*\)  # (.*?)\.\.\.$", block.code, re.MULTILINE):
         assert value in shown
+    if block.shown:
+        assert shown.splitlines() == block.shown.splitlines()
 
 
 READ = {
@@ -139,6 +149,8 @@ def test_commands_are_understood():
 
 
 def understood(page, line):
+    if line == "source .venv/bin/activate":
+        return
     if line.startswith("make "):
         target = shlex.split(line, comments=True)[1]
         assert re.search(rf"^{target}: ", (ROOT / "Makefile").read_text(), re.MULTILINE), line
@@ -184,14 +196,24 @@ def test_commands_that_are_said_to_run_stand_on_pages():
 
 
 def test_cheap_commands_run(capsys, monkeypatch, tmp_path):
+    """A block's text is what its last command prints, or a part of it."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
     for block in FILES:
         first = block.code.partition("\n")[0]
         if first.startswith("# ") and first.endswith(".toml"):
             Path(first.removeprefix("# ")).write_text(block.code)
-    for _, line in COMMANDS:
+    for block, line in COMMANDS:
         found = PROGRAM.fullmatch(line)
         words = shlex.split(found[1], comments=True) if found else []
         if " ".join(words) in RUN:
-            assert run(words) == 0, f"{line}: {capsys.readouterr().err}"
-            assert "--out" in words or capsys.readouterr().out.strip(), line
+            code, (out, err) = run(words), capsys.readouterr()
+            assert code == 0, f"{line}: {err}"
+            assert "--out" in words or out.strip(), line
+            for part in block.shown.splitlines() if block.code.rstrip().endswith(line) else ():
+                assert plain(part) in plain(out), f"{line}: {part}"
+
+
+def plain(text: str) -> str:
+    """The words without what draws a table."""
+    return " ".join(re.findall(r"[^\s│┃━─]+", text))

@@ -4,6 +4,8 @@ import csv
 import re
 import subprocess
 import tomllib
+from contextlib import suppress
+from functools import reduce
 from importlib import import_module
 from importlib.metadata import version
 
@@ -40,6 +42,44 @@ def test_links_lead_somewhere():
         assert target.exists(), f"{page} links to {link}"
         if anchor:
             assert anchor in anchors(target.read_text(encoding="utf-8")), f"{page} links to {link}"
+
+
+NAMED = re.compile(
+    r"`((?:alloc|mpc|studies|paper_figs)(?:\.\w+)+|(?:\w+/)+[\w-]+\.(?:py|toml|csv|bib))`"
+)
+"""A part of the library or a file of the repository, which the site makes a link."""
+MADE = ("build/", "results/", "figures/", "shares/", "docs/results/NAME")
+"""Beginnings of files that commands make."""
+
+
+def test_files_and_parts_that_pages_name_are_there():
+    for page, text in PAGES.items():
+        if page == "CHANGELOG.md":
+            continue  # tells of what was there
+        for name in NAMED.findall(without_code(text)):
+            if "/" in name:
+                assert name.startswith(MADE) or (ROOT / name).is_file(), f"{page} names {name}"
+            else:
+                named(name)
+
+
+def named(name):
+    """What a dotted name stands for; `LookupError` where it is nothing."""
+    parts = name.split(".")
+    for k in range(len(parts), 0, -1):
+        module = ".".join(parts[:k])
+        with suppress(ModuleNotFoundError):
+            return reduce(getattr, parts[k:], import_module(module))
+    raise LookupError(name)
+
+
+def test_values_of_tables_are_those_of_the_code():
+    """Rows of a value and the dotted name of what has it."""
+    rows = re.findall(
+        r"\| (-?[\d.]+)[^|]* \| `((?:alloc|mpc)(?:\.\w+)+)` \|", "\n".join(PAGES.values())
+    )
+    assert len(rows) >= 8
+    assert [(name, value) for value, name in rows if named(name) != float(value)] == []
 
 
 def test_every_page_stands_in_the_contents():

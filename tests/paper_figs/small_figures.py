@@ -82,7 +82,7 @@ TABLES = {
     "information": (information_table,),
     "differences": (difference_table,), "brake-cut-out": (brake_table,), "learning": (learning_table,),
     **dict.fromkeys(("claim-verdicts", "claim-verdicts-search"), (lambda: claim_table(60),)),
-    "adhesion-curve": (), "open-rails": (),
+    "adhesion-curve": (), "open-rails": (), "model": (),
     **dict.fromkeys(("slide-pareto", "slide-electric"), (slide_table,)),
     **dict.fromkeys(("margin-sweep", "width-sweep", "downhill"), (sweep_table,)),
     "blended": (blended_table,), "sanders": (sander_table,),

@@ -20,6 +20,7 @@ from paper_figs.adhesion import PEAK
 from paper_figs.brakes import ACCUSED, FAULT
 from paper_figs.drawing import FIGURES
 from paper_figs.drawn_data import drawn_data
+from paper_figs.model import PLAN
 from paper_figs.patent import LEARNERS, LOOKS, claim_verdicts, claim_verdicts_search, learning
 from paper_figs.readhesion_paper import on_coefficient_scale, width_sweep
 from paper_figs.rules import (
@@ -187,6 +188,17 @@ def its_dots_are_the_rules_answers_and_open_above_the_cap(figure):
             np.testing.assert_allclose(above.get_ydata(), answer[answer > caps(found) + 1e-9])
             assert above.get_markerfacecolor() == "white"
             assert allocate("exact", found).case == case  # which the figure names
+
+
+@law("model")
+def its_limits_make_up_for_what_the_wet_unit_lacks(figure):
+    rail = figure.axes[1]
+    peaks = np.concatenate([data(line)[1] for line in rail.get_lines()[:2]])
+    (limits,) = (box.lines[2][0].get_segments() for box in rail.containers)
+    limit = np.array([ends[0][1] for ends in limits])
+    assert limit.mean() == pytest.approx(PLAN)
+    assert limit[0] == pytest.approx(peaks.min())  # the wet unit's weakest axle
+    assert len(set(limit[1:])) == 1
 
 
 @law("adhesion-curve")
