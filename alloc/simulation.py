@@ -214,9 +214,7 @@ class Simulation:
                 host, computers, onboard.period, torque, self.tally
             )
         parts_of_run = (loop.plant, computers, loop.timing, given, loop.progress, self._record)
-        self.go: Callable[[int], int] = partial(
-            run_with_computers, *map(ByReference, parts_of_run)
-        )
+        self.go: Callable[[int], int] = partial(run_with_computers, *map(ByReference, parts_of_run))
 
     def recorded(self) -> xr.Dataset:
         """The recorded run; raises `UnsoundRun` where it breaks a law that every run keeps. Once, at the end."""

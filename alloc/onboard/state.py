@@ -120,7 +120,7 @@ def reference_settings(onboard: Onboard) -> Any:
 def settings(
     onboard: Onboard, rule: RuleSettings, controller: str, reserve: str = RESERVE
 ) -> Settings:
-    """Settings of a run; `controller` names a built-in one, any other name stands for one that is hosted, with a `reserve`."""
+    """Settings of a run; `controller` names a built-in one, any other name stands for a hosted one with a `reserve`."""
     period, sensors, braking = onboard.period, onboard.sensors, onboard.braking
     hosted = controller not in BUILT_IN
     trigger = Trigger(rule.trigger)
