@@ -42,7 +42,7 @@ def test_gymnasium_accepts_it(given):
     check_env(gymnasium.make("readhesion/train-v0", **given).unwrapped)
 
 
-@pytest.mark.parametrize("scenario", ["wet-patch", "wet-stop"])
+@pytest.mark.parametrize("scenario", ["wet-start", "wet-stop"])
 def test_an_agent_that_does_as_a_controller_makes_that_controllers_run(scenario):
     """Perturb-observe as agent; from what it got follow the metrics of the run, and the return from these."""
     env = ReadhesionEnvironment(shortened(scenario), others="perturb-observe")
@@ -65,7 +65,7 @@ def test_an_agent_that_does_as_a_controller_makes_that_controllers_run(scenario)
 
 def test_baselines_are_ordered():
     """No readhesion control wears the wheels, torque at random delivers little; a search is better than both."""
-    env = ReadhesionEnvironment(shortened("wet-patch"), units=[0], others="perturb-observe")
+    env = ReadhesionEnvironment(shortened("wet-start"), units=[0], others="perturb-observe")
     generator = np.random.default_rng(3)
     agents = {
         "search": reserve,
