@@ -24,7 +24,7 @@ from mpc.settings import MpcError, MpcSettings
 from mpc.solver import Addresses
 from mpc.unit import STATUSES, compiled_unit, unit_step
 
-_READ = {
+READ = {
     "time": "[s]; not used",
     "speed": "reference speed of the car [m/s]",
     "torque": "of each motor, as the inverter knows it [N m]",
@@ -34,7 +34,7 @@ _READ = {
     "coefficient": "tangential force coefficient that the unit estimates; nan if it does not",
     "slipping": "signal of a slip detector; not used",
 }
-_ANSWERED = {
+ANSWERED = {
     "torque": "command for each motor [N m]; if it is usable",
     "solve_time": "time that the steps count as [s]",
     "residual": "of optimality; nan without a solution",
@@ -110,8 +110,8 @@ def _header(context: UnitContext, memory: int, name: str) -> str:
         f"#define CONTROLLER_AXLES {context.axles}",
         f"#define CONTROLLER_PERIOD {context.period!r} /* [s], from one call of controller_step to the next */",
         f"#define CONTROLLER_MEMORY {memory} /* bytes of static memory that is written to */", "",
-        "/* What the unit reads. */", *_structure("ControllerReading", READING, _READ, omega),
-        "/* What it is to do. */", *_structure("ControllerAnswer", ANSWER, _ANSWERED),
+        "/* What the unit reads. */", *_structure("ControllerReading", READING, READ, omega),
+        "/* What it is to do. */", *_structure("ControllerAnswer", ANSWER, ANSWERED),
         "typedef enum {", *(f"  CONTROLLER_{one.upper().replace(' ', '_')}," for one in STATUSES),
         "} ControllerStatus;", "",
         "/* Once, before the first step, and to start anew. */", "void controller_init(void);", "",
