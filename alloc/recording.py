@@ -537,8 +537,24 @@ def provenance() -> dict[str, str]:
     return {**found, "version_python": platform.python_version(), "git_revision": revision}
 
 
+MATLAB, ATTRIBUTES = ".mat", "attributes"
+"""Ending of MATLAB's files, and the variable of one that has a run's attributes."""
+
+
 def save(dataset: xr.Dataset, path: Path) -> None:
-    """Write a run to netCDF, compressed; it loads back equal with `load`. Raises `OSError` naming the file."""
+    """Write a run to netCDF, compressed, or for MATLAB where the ending is `.mat`; it loads back equal with `load`.
+
+    A file for MATLAB (version 5) has a matrix per variable, such as (time, axle), and the attributes as a struct. Raises
+    `OSError` naming the file.
+    """
+    if path.suffix.lower() == MATLAB:
+        from scipy.io import savemat
+
+        content: dict[str, Any] = {str(name): v.values for name, v in dataset.variables.items()}
+        content[ATTRIBUTES] = dict(dataset.attrs)
+        options: dict[str, Any] = {"oned_as": "column", "do_compression": True}
+        write_whole(path, lambda aside: savemat(aside, content, **options))
+        return
     encoding = {
         name: {"zlib": True, "complevel": 4} for name, v in dataset.variables.items() if v.ndim > 0
     }
@@ -556,6 +572,17 @@ def save(dataset: xr.Dataset, path: Path) -> None:
 
 def load(path: Path) -> xr.Dataset:
     """Read a run written by `save`."""
+    if path.suffix.lower() == MATLAB:
+        from scipy.io import loadmat
+
+        stored = loadmat(path)
+        values = {name: stored[name] for name in VARIABLES if name in stored}
+        values = {
+            name: one.ravel() if len(VARIABLES[name].dims) == 1 else one
+            for name, one in values.items()
+        }
+        attributes = loadmat(path, variable_names=[ATTRIBUTES], simplify_cells=True)[ATTRIBUTES]
+        return _dataset(stored["time"].ravel(), values, attributes)
     with xr.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:
         run = dataset.load()
     plain = {

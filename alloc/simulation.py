@@ -3,7 +3,7 @@
 import hashlib
 import math
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -23,6 +23,7 @@ from alloc.onboard.host import (
     CompiledControllers,
     HostedController,
     TellingController,
+    TorqueDecision,
     TrainController,
     UnitSense,
     answers,
@@ -30,7 +31,7 @@ from alloc.onboard.host import (
     unit_contexts,
 )
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.state import RuleSettings, attachments, memory, settings
+from alloc.onboard.state import RESERVE, RuleSettings, attachments, memory, settings
 from alloc.onboard.telegrams import NOTHING_ADDED
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
@@ -92,7 +93,7 @@ class _RuleInPython:
 
 
 @dataclass(frozen=True)
-class _ControllerInPython:
+class ControllerInPython:
     """A hosted controller answers the loop; where it gives up, the reserve's torque command stands.
 
     What it raises ends the run: a controller that breaks is not one that a solver failed.
@@ -105,20 +106,28 @@ class _ControllerInPython:
     tally: Tally
 
     def __call__(self, tick: int) -> bool:
-        senses = [self._sense(j, tick) for j in range(self.torque.size)]
-        unit = self.computers.memory.unit
-        for j, decision in enumerate(self.host.decide(senses)):
-            self.tally.controller_times.append(decision.solve_time)
-            usable, status = decision.ok, decision.status
-            if usable and not math.isfinite(decision.torque):
-                usable, status = False, NOT_A_TORQUE
-            if usable:
-                unit.torque_command[j] = decision.torque
-            if not usable or status != "ok":
-                self.tally.controller_failures += 1
-                self.tally.note(f"controller: {status}")
-            unit.torque_factor[j] = share_of_target(self.computers.memory, j)
+        self.answer(self.host.decide(self.senses(tick)))
         return True
+
+    def senses(self, tick: int) -> list[UnitSense]:
+        """What each unit reads at a tick, foremost first."""
+        return [self._sense(j, tick) for j in range(self.torque.size)]
+
+    def answer(self, decisions: Sequence[TorqueDecision | None]) -> None:
+        """Write the units' commands; where there is no decision, the reserve commands, which is no failure."""
+        unit = self.computers.memory.unit
+        for j, decision in enumerate(decisions):
+            if decision is not None:
+                self.tally.controller_times.append(decision.solve_time)
+                usable, status = decision.ok, decision.status
+                if usable and not math.isfinite(decision.torque):
+                    usable, status = False, NOT_A_TORQUE
+                if usable:
+                    unit.torque_command[j] = decision.torque
+                if not usable or status != "ok":
+                    self.tally.controller_failures += 1
+                    self.tally.note(f"controller: {status}")
+            unit.torque_factor[j] = share_of_target(self.computers.memory, j)
 
     def _sense(self, j: int, tick: int) -> UnitSense:
         eq, m = self.computers.equipment, self.computers.memory
@@ -155,82 +164,109 @@ def simulate(
     cannot be simulated, `UnsoundRun` where the run breaks a law that every run keeps. Several threads may simulate at once,
     also the same event: each run depends on its own call alone. A plug-in's rule and `on_progress` must allow it too.
     """
-    check_compiling()
-    _check_kinds(event, rule, controller)
-    try:
-        found = CONTROLLERS.find(controller) if isinstance(controller, str) else controller
-    except OnboardError as error:
-        raise SimulationError(str(error)) from None
-    chosen = find_rule(rule) if isinstance(rule, str) else rule
-    model = event.model
-
-    def believed() -> _Believed:
-        onboard = event.onboard.with_settings(chosen.onboard)
-        eq = event.equipment if onboard is event.onboard else equipment(model, onboard)
-        if chosen.needs_truth and model.layout.units > 0:  # without motors a rule has nothing to do
-            onboard = replace(onboard, reference=replace(onboard.reference, source="truth"))
-        ticks = round(event.duration / onboard.period)
-        commanded = event.command.sampled(onboard.period * np.arange(ticks, dtype=np.float64))
-        share = eq.brake_share if eq.blended and commanded[0] < 0.0 else eq.planned_share
-        expected = abs(float(commanded[0])) * share
-        given = _given(commanded, onboard, model.layout)
-        return _Believed(onboard, eq, expected, ByReference(eq), ByReference(given))
-
-    belief = (chosen.needs_truth, canonical(dict(chosen.onboard)))
-    onboard, eq, expected, laid_out, given = event.made.once(belief, believed)
-    ticks = given.commanded.size
-    host: TrainController | CompiledControllers = ()
-    law = found.name
-    if chosen.needs_truth:
-        law = "none"  # who knows the rail needs no readhesion control
-    elif isinstance(found, HostedController):
-        if model.layout.units > 0:
-            host = found.factory(unit_contexts(model, eq, onboard, found.name))
-        else:  # a train without motors has no torque to control, whatever controller it is given
-            law = "none"
-    added = host.added if isinstance(host, TellingController) else NOTHING_ADDED
-
-    def empty() -> LaidOut:
-        return LaidOut(memory(eq, event.initial_speed, expected, added))
-
-    compiled = compiled_index(chosen) if onboard.limit_rate is None else -1
-    computers = Computers(
-        laid_out,
-        ByReference(settings(onboard, filled(RuleSettings, chosen, compiled=compiled), law)),
-        event.made.once((belief, added), empty).fresh(),
-        answers(host if isinstance(host, tuple) else (), eq, ticks),
-    )
-    loop = ClosedLoop(
-        model, ticks, onboard.period, event.longest_step, event.record_period,
-        event.initial_speed, event.initial_position,
-    )  # fmt: skip
-    learnt = None if onboard.learning.kind == "none" else computers.memory.learnt
-    record = Record.allocate(loop.records, model.layout, learnt is not None)
-    tally = Tally()
-    parts: dict[int, Part] = {ALLOCATION: _RuleInPython(chosen, computers, onboard, tally)}
-    if isinstance(host, TellingController):
-        host.connect(*attachments(computers.memory))
-    if not isinstance(host, tuple):
-        torque = loop.plant.state[model.layout.torque]
-        parts[CONTROL] = _ControllerInPython(host, computers, onboard.period, torque, tally)
-
-    before, after = (loop.plant, computers, loop.timing), (loop.progress, record)
-    go = partial(run_with_computers, *map(ByReference, before), given, *map(ByReference, after))
+    run = Simulation(event, rule, controller)
     started = clock.perf_counter()
-    loop.run(go, parts, on_progress, until_speed)
-    tally.wall_time = clock.perf_counter() - started
-    if isinstance(host, tuple):
-        done = int(loop.progress.tick[0])
-        tally.controller_times = computers.answers.solve_time[:done].ravel().tolist()
-        for status, number in failures(host, computers.answers).items():
-            tally.controller_failures += number
-            tally.note(f"controller: {status}", number)
-    record = record.until(loop.records)
-    run = to_dataset(
-        event, chosen.name, found.name, record, computers.memory.counter, tally, learnt
-    )
-    check_run(model, record.plant, run)
-    return run
+    run.loop.run(run.go, run.parts, on_progress, until_speed)
+    run.tally.wall_time = clock.perf_counter() - started
+    return run.recorded()
+
+
+class Simulation:
+    """A run under way: `go(stop)` runs to tick `stop`, or returns which of `parts` must answer first, see `alloc.loop`.
+
+    `simulate` runs it to its end; who steps it answers as the parts do. `recorded` gives what has been recorded by then.
+    """
+
+    def __init__(self, event: Event, rule: str | Rule, controller: str | HostedController) -> None:
+        """As `simulate`, at its start."""
+        check_compiling()
+        _check_kinds(event, rule, controller)
+        try:
+            found = CONTROLLERS.find(controller) if isinstance(controller, str) else controller
+        except OnboardError as error:
+            raise SimulationError(str(error)) from None
+        chosen = find_rule(rule) if isinstance(rule, str) else rule
+        model = event.model
+
+        def believed() -> _Believed:
+            onboard = event.onboard.with_settings(chosen.onboard)
+            eq = event.equipment if onboard is event.onboard else equipment(model, onboard)
+            if (
+                chosen.needs_truth and model.layout.units > 0
+            ):  # without motors a rule has nothing to do
+                onboard = replace(onboard, reference=replace(onboard.reference, source="truth"))
+            ticks = round(event.duration / onboard.period)
+            commanded = event.command.sampled(onboard.period * np.arange(ticks, dtype=np.float64))
+            share = eq.brake_share if eq.blended and commanded[0] < 0.0 else eq.planned_share
+            expected = abs(float(commanded[0])) * share
+            given = _given(commanded, onboard, model.layout)
+            return _Believed(onboard, eq, expected, ByReference(eq), ByReference(given))
+
+        belief = (chosen.needs_truth, canonical(dict(chosen.onboard)))
+        onboard, eq, expected, laid_out, given = event.made.once(belief, believed)
+        ticks = given.commanded.size
+        host: TrainController | CompiledControllers = ()
+        law, reserve = found.name, RESERVE
+        if chosen.needs_truth:
+            law = "none"  # who knows the rail needs no readhesion control
+        elif isinstance(found, HostedController):
+            if model.layout.units > 0:
+                host = found.factory(unit_contexts(model, eq, onboard, found.name))
+                reserve = found.reserve
+            else:  # a train without motors has no torque to control, whatever controller it is given
+                law = "none"
+        added = host.added if isinstance(host, TellingController) else NOTHING_ADDED
+
+        def empty() -> LaidOut:
+            return LaidOut(memory(eq, event.initial_speed, expected, added))
+
+        compiled = compiled_index(chosen) if onboard.limit_rate is None else -1
+        of_rule = filled(RuleSettings, chosen, compiled=compiled)
+        computers = Computers(
+            laid_out,
+            ByReference(settings(onboard, of_rule, law, reserve)),
+            event.made.once((belief, added), empty).fresh(),
+            answers(host if isinstance(host, tuple) else (), eq, ticks),
+        )
+        loop = ClosedLoop(
+            model, ticks, onboard.period, event.longest_step, event.record_period,
+            event.initial_speed, event.initial_position,
+        )  # fmt: skip
+        self._learnt = None if onboard.learning.kind == "none" else computers.memory.learnt
+        self._record = Record.allocate(loop.records, model.layout, self._learnt is not None)
+        self.event, self.loop, self.computers, self.given = event, loop, computers, given
+        self.tally = Tally()
+        self._names, self._host = (chosen.name, found.name), host
+        self.parts: dict[int, Part] = {
+            ALLOCATION: _RuleInPython(chosen, computers, onboard, self.tally)
+        }
+        if isinstance(host, TellingController):
+            host.connect(*attachments(computers.memory))
+        if not isinstance(host, tuple):
+            torque = loop.plant.state[model.layout.torque]
+            self.parts[CONTROL] = ControllerInPython(
+                host, computers, onboard.period, torque, self.tally
+            )
+        before, after = (loop.plant, computers, loop.timing), (loop.progress, self._record)
+        self.go: Callable[[int], int] = partial(
+            run_with_computers, *map(ByReference, before), given, *map(ByReference, after)
+        )
+
+    def recorded(self) -> xr.Dataset:
+        """The recorded run; raises `UnsoundRun` where it breaks a law that every run keeps. Once, at the end."""
+        host, tally = self._host, self.tally
+        if isinstance(host, tuple):
+            done = int(self.loop.progress.tick[0])
+            tally.controller_times = self.computers.answers.solve_time[:done].ravel().tolist()
+            for status, number in failures(host, self.computers.answers).items():
+                tally.controller_failures += number
+                tally.note(f"controller: {status}", number)
+        record = self._record.until(self.loop.records)
+        run = to_dataset(
+            self.event, *self._names, record, self.computers.memory.counter, tally, self._learnt
+        )
+        check_run(self.event.model, record.plant, run)
+        return run
 
 
 def _check_kinds(event: Any, rule: Any, controller: Any) -> None:

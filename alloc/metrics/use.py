@@ -393,7 +393,11 @@ def train_bounds(run: xr.Dataset) -> TrainBounds:
     """
     stretches = spans(settled(run))
     # a single stretch is looked at where it is; a mask would copy it
-    chosen: Any = slice(*stretches[0]) if len(stretches) == 1 else settled(run)
+    return bounds_at(run, slice(*stretches[0]) if len(stretches) == 1 else settled(run))
+
+
+def bounds_at(run: xr.Dataset, chosen: Any) -> TrainBounds:
+    """As `train_bounds`, at the instants `chosen`, which index the recorded ones."""
     blended = bool(run.attrs["blended_brakes"])
     braking = direction(run)[chosen] < 0.0
     unit, group = series(run, "axle_unit"), series(run, "axle_group")

@@ -18,7 +18,7 @@ from alloc.compilation import equation
 from alloc.display import displayed
 from alloc.errors import OnboardError
 from alloc.onboard.controllers.base import BuiltInController, share_of_target
-from alloc.onboard.controllers.collection import BUILT_IN
+from alloc.onboard.controllers.collection import BUILT_IN, RESERVE
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.parameters import Onboard, Telegrams
 from alloc.onboard.telegrams import AddedNumbers, Attachment
@@ -168,6 +168,8 @@ class HostedController:
     """In figures, as Matplotlib names it."""
     settings: type[Any] | None = None
     """Frozen dataclass of its settings, all with defaults: the table `[onboard.<name>]` of scenario files."""
+    reserve: str = RESERVE
+    """Built-in controller that commands a unit for which it has no torque."""
 
 
 class EachUnit:

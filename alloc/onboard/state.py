@@ -18,6 +18,7 @@ from alloc.onboard.brakes import (
 )
 from alloc.onboard.controllers.collection import (
     BUILT_IN,
+    RESERVE,
     LawMemory,
     LawSettings,
     law_memory,
@@ -55,10 +56,6 @@ from alloc.records import filled, numbers_of
 from alloc.rules.rule import AT_SLIP, Caps, Trigger
 
 # What differs between runs, as compiled code reads it: parameters of the on-board functions.
-
-
-RESERVE = "cut-and-ramp"
-"""Built-in controller that takes over where a hosted one gives up."""
 
 
 class RuleSettings(NamedTuple):
@@ -120,8 +117,10 @@ def reference_settings(onboard: Onboard) -> Any:
     )
 
 
-def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
-    """Settings of a run; `controller` names a built-in one, any other name stands for one that is hosted."""
+def settings(
+    onboard: Onboard, rule: RuleSettings, controller: str, reserve: str = RESERVE
+) -> Settings:
+    """Settings of a run; `controller` names a built-in one, any other name stands for a hosted one with a `reserve`."""
     period, sensors, braking = onboard.period, onboard.sensors, onboard.braking
     hosted = controller not in BUILT_IN
     trigger = Trigger(rule.trigger)
@@ -135,7 +134,7 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
         onboard,
         rule=rule._replace(trigger=int(trigger), caps=int(rule.caps)),
         hosted=hosted,
-        controller=list(BUILT_IN).index(RESERVE if hosted else controller),
+        controller=list(BUILT_IN).index(reserve if hosted else controller),
         law=law_settings(onboard, onboard.period),
         detector=numbers_of(
             onboard.detector, gain=differentiator_gain(onboard.detector.pole, period)
@@ -287,7 +286,7 @@ def _singles(kind: Any, dtype: Any = np.float64, **others: Any) -> Any:
     return kind(*(np.zeros(1, others.get(name, dtype)) for name in kind._fields))
 
 
-def attachments(m: Memory) -> tuple[Attachment, Attachment]:
+def attachments(m: Any) -> tuple[Attachment, Attachment]:
     """What a controller adds to the reports and to the limits that are sent, in the memory itself."""
     line = m.report.line
     return (

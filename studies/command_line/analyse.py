@@ -36,7 +36,7 @@ class Further:
     resistance: bool = False
     """Learn the running resistance (JP H07-322414, claim 7)."""
     against: str | None = None
-    """Compare with a simulated run of the same train: what `readhesion simulate` wrote by `--log` or `--out` (.nc), or a
+    """Compare with a simulated run of the same train: what `readhesion simulate` wrote by `--log` or `--out`, or a
     scenario."""
     draft: Annotated[FilePath | None, Parameter("--map")] = None
     """Write a draft of the mapping file here (.toml), and nothing else; guesses of names and units are marked."""

@@ -15,7 +15,13 @@ from studies.command_line.compare import compare, merge, sweep
 from studies.command_line.list import check, list_names, new_scenario, schema
 from studies.command_line.run_line import run_line
 from studies.command_line.simulate import simulate
-from studies.command_line.write_report import cite, export_controller, figures, write_report
+from studies.command_line.write_report import (
+    cite,
+    export_controller,
+    export_fmu,
+    figures,
+    write_report,
+)
 from studies.files.study_error import StudyError
 
 FAILED = 1
@@ -32,7 +38,8 @@ app = App(
     suppress_keyboard_interrupt=False,  # `interruption.ends` says what it leaves behind
 )
 for command in (
-    compare, simulate, run_line, sweep, merge, figures, analyse, check, cite, export_controller, new_scenario, schema,
+    compare, simulate, run_line, sweep, merge, figures, analyse, check, cite, export_controller, export_fmu, new_scenario,
+    schema,
 ):  # fmt: skip
     app.command(command)
 app.command(list_names, name="list")

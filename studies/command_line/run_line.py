@@ -61,7 +61,7 @@ def run_line(
     coasting
         Time in s before each braking curve from which the train rolls without effort.
     out
-        File for the recorded run (netCDF, .nc).
+        File for the recorded run (netCDF, .nc, or MATLAB, .mat).
     figure
         File for a figure of the run (pdf, png or svg).
     as_json

@@ -49,9 +49,9 @@ def simulate(
     seed
         Seed of the event's random draws, 0 or greater.
     out
-        File for the recorded run (netCDF, .nc).
+        File for the recorded run (netCDF, .nc, or MATLAB, .mat).
     log
-        File for a log (csv or parquet) as `readhesion analyse` reads it; the train's data go beside
+        File for a log (csv, parquet or mat) as `readhesion analyse` reads it; the train's data go beside
         it, with the ending .train.toml.
     figure
         File for a figure of the run (pdf, png or svg), or for one that moves (gif).

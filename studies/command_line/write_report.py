@@ -1,15 +1,16 @@
-"""What goes into papers and other programs: `readhesion report`, `figures`, `cite`, `export-controller`."""
+"""What goes into papers and other programs: `readhesion report`, `figures`, `cite`, `export-controller`, `export-fmu`."""
 
 import json
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from studies.command_line.options import (
     ALL_FAILED,
+    GREATEST_SEED,
     MOST_SEEDS,
     FilePath,
     Names,
@@ -24,6 +25,9 @@ from studies.command_line.options import (
 )
 from studies.files.study_error import StudyError
 from studies.files.writable import PAGE, check_file, check_place, make_folder
+
+if TYPE_CHECKING:
+    from studies.scenario.scenario import Scenario
 
 
 def write_report(
@@ -191,7 +195,7 @@ def cite(
     console().print(table)
 
 
-# `readhesion export-controller`: the readhesion MPC of one unit as an object file for C.
+# `readhesion export-controller`: the readhesion MPC of one unit as an object file for C; `export-fmu`: units of FMI.
 
 
 def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str = "x86-64") -> None:
@@ -216,12 +220,7 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str 
 
     chosen = load_scenario(scenario)
     event = chosen.event()
-    units = event.model.layout.units
-    if units == 0:
-        raise StudyError(
-            f"scenario {chosen.name!r}: its train has no motors, so there is no controller to export"
-        )
-    check_whole("--unit", unit, 1, units)
+    _check_unit(chosen, unit)
     check_place(out)
     from mpc.export import export_unit
 
@@ -232,3 +231,45 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str 
     for name, content in made.contents.items():
         write_whole(out / name, partial(Path.write_bytes, data=content))
     console().print(f"{out} holds the controller, of {made.memory} bytes of static memory")
+
+
+def export_fmu(scenario: str, *, out: FilePath, unit: Whole | None = None, seed: Whole = 0) -> None:
+    """Write a unit of FMI 3.0 for co-simulation with Simulink and others: train and rail, or one unit's readhesion MPC.
+
+    To make one takes Linux, a C compiler and the package fmpy (`pip install 'readhesion[fmi]'`); it runs without Python.
+
+    Parameters
+    ----------
+    scenario
+        Name of a shipped scenario or path of a TOML file.
+    out
+        File (.fmu).
+    unit
+        Number of the traction unit, 1 = foremost, whose controller it is [default: train and rail].
+    seed
+        Seed of the event's random draws, 0 or greater.
+    """
+    from alloc.sources import write_whole
+    from studies.peers.fmi import controller_of, plant_of, write_fmu
+    from studies.scenario.scenario import load_scenario
+
+    chosen = load_scenario(scenario)
+    check_whole("--seed", seed, 0, GREATEST_SEED)
+    check_file(out, (".fmu",))
+    if unit is not None:
+        _check_unit(chosen, unit)
+    made = plant_of(chosen, seed) if unit is None else controller_of(chosen, unit)
+    write_whole(out, partial(write_fmu, made))
+    console().print(
+        f"{out}: {made.description}, {len(made.inputs)} inputs, {len(made.outputs)} outputs, steps of {made.step:g} s"
+    )
+
+
+def _check_unit(chosen: "Scenario", unit: int) -> None:
+    """Raise `StudyError` where the scenario's train has no traction unit of this number."""
+    units = chosen.event().model.layout.units
+    if units == 0:
+        raise StudyError(
+            f"scenario {chosen.name!r}: its train has no motors, so there is no controller to export"
+        )
+    check_whole("--unit", unit, 1, units)

@@ -12,7 +12,8 @@ from studies.files.study_error import StudyError
 if TYPE_CHECKING:
     import pandas as pd
 
-RUN, FIGURE, LOG, PAGE = (".nc",), (".pdf", ".png", ".svg"), (".csv", ".parquet"), (".html",)
+RUN, LOG = (".nc", ".mat"), (".csv", ".parquet", ".mat")
+FIGURE, PAGE = (".pdf", ".png", ".svg"), (".html",)
 """Endings of files by what they hold."""
 MOVING_FIGURE = (*FIGURE, ".gif")
 """The same where a figure may move."""

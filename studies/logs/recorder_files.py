@@ -545,10 +545,9 @@ def _mat(path: Path, owner: str) -> Recording:
             check_values(owner, sum(stored_values))
             tree = _of_hdf(stored, stored)
     else:
-        from scipy.io import loadmat, whosmat
+        from scipy.io import loadmat
 
-        check_values(owner, sum(int(np.prod(shape)) for _, shape, _ in whosmat(path)))
-        check_values(owner, sum(_unfolded(path)) / 8)
+        check_matlab(path, owner)
         tree = loadmat(path, simplify_cells=True)
     found = [one for one in _of_structs("", tree) if one.values.dtype.kind in "iufbOU"]
     named = [one._replace(name=f"{one.group}.{one.name}".strip("."), group="") for one in found]
@@ -562,6 +561,14 @@ def _mat(path: Path, owner: str) -> Recording:
         used = [one for one in named if one.values.size == rows[0][0]]
     left = [one.name for one in named if one.values.size not in {own.values.size for own in used}]
     return _grouped(path, used, f"of another length, left out: {', '.join(left)}" if left else "")
+
+
+def check_matlab(path: Path, owner: str) -> None:
+    """Raise `StudyError` where a file of MATLAB's version 5 unfolds to more than is read."""
+    from scipy.io import whosmat
+
+    check_values(owner, sum(int(np.prod(shape)) for _, shape, _ in whosmat(path)))
+    check_values(owner, sum(_unfolded(path)) / 8)
 
 
 def _unfolded(path: Path) -> Iterator[int]:

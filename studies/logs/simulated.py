@@ -9,6 +9,7 @@ import xarray as xr
 
 from alloc.estimation.slip_events import SlipCriterion
 from alloc.plant.train import Train
+from alloc.recording import ATTRIBUTES, MATLAB, load
 from alloc.sources import write_whole
 from studies.files.limits import check_values
 from studies.files.study_error import StudyError
@@ -17,7 +18,7 @@ from studies.logs.force_reports import BRAKING
 from studies.logs.mapping import column_of
 from studies.logs.measured_log import MeasuredLog, check_log, read_log
 from studies.logs.measured_run import Findings, analyse_run, applied_force, train_acceleration
-from studies.logs.recorder_files import ENDINGS, is_text
+from studies.logs.recorder_files import ENDINGS, check_matlab, is_text
 from studies.logs.train import MeasuredTrain, write_log_train
 
 DECIMALS = {"s": 4, "kmh": 3, "kn": 3, "ms2": 4}
@@ -67,6 +68,11 @@ def write_log(run: xr.Dataset, train: Train, path: Path) -> Path:
         if path.suffix.lower() == ".csv":
             text = as_csv(rounded(table).replace(-0.0, 0.0))
             write_whole(path, lambda aside: aside.write_text(text, "utf-8", newline=""))
+        elif path.suffix.lower() == MATLAB:
+            from scipy.io import savemat
+
+            columns = {str(name): values.to_numpy(float) for name, values in table.items()}
+            write_whole(path, lambda aside: savemat(aside, columns, oned_as="column"))
         else:
             write_whole(path, lambda aside: table.astype(np.float64).to_parquet(aside, index=False))
         write_log_train(MeasuredTrain.of(train), beside)
@@ -105,7 +111,7 @@ def simulated_log(name: str, train: MeasuredTrain) -> MeasuredLog:
     Raises `StudyError` where the run is of another train.
     """
     path = Path(name)
-    if path.suffix.lower() in RUN:
+    if path.suffix.lower() in RUN and not _is_log(path):
         run = recorded_run(path)
         _check_train(
             name, train, str(run.attrs["train"]), run.sizes["axle"], run.attrs["train_mass"]
@@ -128,18 +134,21 @@ def recorded_run(path: Path) -> xr.Dataset:
     """A run that `readhesion simulate --out` or `run-line --out` wrote; raises `StudyError` where it is none."""
     import netCDF4
 
-    from alloc.recording import load
-
+    owner, kind = f"run {str(path)!r}", "netCDF"
     if not path.is_file():
-        raise StudyError(f"run {str(path)!r} does not exist")
+        raise StudyError(f"{owner} does not exist")
     try:
-        with netCDF4.Dataset(path) as file:  # what reads runs would begin with all instants
-            check_values(f"run {str(path)!r}", sum(one.size for one in file.variables.values()))
+        if path.suffix.lower() == MATLAB:
+            kind = "MATLAB"
+            check_matlab(path, owner)
+        else:
+            with netCDF4.Dataset(path) as file:  # what reads runs would begin with all instants
+                check_values(owner, sum(one.size for one in file.variables.values()))
         run = load(path)
     except StudyError:
         raise
-    except (OSError, ValueError) as error:
-        raise StudyError(f"run {str(path)!r} is no file of netCDF: {error}") from None
+    except (OSError, ValueError, KeyError) as error:
+        raise StudyError(f"{owner} is no file of {kind}: {error}") from None
     missing = [one for one in NEEDED if one not in run] or [
         one for one in ("train", "train_mass") if one not in run.attrs
     ]
@@ -148,6 +157,18 @@ def recorded_run(path: Path) -> xr.Dataset:
             f"run {str(path)!r} has no {missing[0]!r}; give a run that `readhesion simulate --out` wrote"
         )
     return run
+
+
+def _is_log(path: Path) -> bool:
+    """Whether a file of MATLAB is a log: it has no attributes of a run."""
+    if path.suffix.lower() != MATLAB or not path.is_file():
+        return False
+    from scipy.io import whosmat
+
+    try:
+        return ATTRIBUTES not in {name for name, *_ in whosmat(path)}
+    except (OSError, ValueError, NotImplementedError):  # as of version 7.3, which logs may have
+        return True
 
 
 def _check_train(name: str, train: MeasuredTrain, other: str, axles: int, mass: float) -> None:

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python
 
+from alloc import object_file
+from alloc.object_file import LINKED
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 from alloc.simulation import simulate
-from mpc import export
 from mpc.belief import with_predicted_curve
-from mpc.export import LINKED, export_unit
+from mpc.export import export_unit
 from mpc.hosted import MPC
 from mpc.model import unit_model
 from mpc.period import RealTimeIteration
@@ -353,7 +354,7 @@ def test_what_is_exported_is_that_unit_with_these_settings_for_this_processor(mo
         assert code[:6] == b"\x7fELF\x02\x01", "64 bits, the lowest byte first"
         assert code[18:20] == (b"\xb7\x00" if name == "aarch64" else b"\x3e\x00")
     # whatever else it would have to call, such as Numba's ways of raising, is refused
-    monkeypatch.setattr(export, "LINKED", [one for one in LINKED if one != "exp"])
+    monkeypatch.setattr(object_file, "LINKED", [one for one in LINKED if one != "exp"])
     with pytest.raises(RuntimeError, match="calls exp"):
         export_unit(unit)
 

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
+from scipy.io import savemat
 
 from alloc.errors import PlantError
 from alloc.plant.laws import GRAVITY
-from alloc.recording import save
+from alloc.recording import load, save
 from studies.files.study_error import StudyError
 from studies.logs.force_reports import resistance_report
 from studies.logs.mapping import column_names, parse_column
@@ -383,23 +385,33 @@ def test_a_log_is_compared_with_a_run_of_the_same_train_alone(call, log):
 
 
 def test_a_log_is_compared_with_a_recorded_run(call, tmp_path):
+    """Logs and runs, also as files of MATLAB: the run is the one that was saved, and a log is not taken for one."""
     run = braked(readhering, duration=6.0)
-    path, recorded = tmp_path / "slide.csv", tmp_path / "slide.nc"
-    write_log(run, THREE_CARS, path)
-    save(run, recorded)
-    options = ("analyse", path, "--train", tmp_path / "slide.train.toml", "--json", "--against")
-    code, out, _ = call(*options, recorded)
-    content = json.loads(out)["comparison"]
-    assert code == 0
-    for name in ("duration_s", "damage_kj", "slides"):
-        assert content["log"][name] == pytest.approx(content["simulated"][name], rel=2e-3)
+    for path, recorded in (
+        (tmp_path / "slide.csv", tmp_path / "run.nc"),
+        (tmp_path / "slide.mat", tmp_path / "run.mat"),
+    ):
+        write_log(run, THREE_CARS, path)
+        save(run, recorded)
+        xr.testing.assert_identical(load(recorded), run)
+        options = ("analyse", path, "--train", tmp_path / "slide.train.toml", "--json", "--against")
+        for other in (recorded, path):
+            code, out, _ = call(*options, other)
+            content = json.loads(out)["comparison"]
+            assert code == 0
+            for name in ("duration_s", "damage_kj", "slides"):
+                assert content["log"][name] == pytest.approx(content["simulated"][name], rel=2e-3)
 
+    save(run.drop_vars("unit_gear"), tmp_path / "part.mat")
+    savemat(tmp_path / "bare.mat", {"attributes": 1.0})
     save(run.drop_vars("unit_gear"), tmp_path / "part.nc")
     (tmp_path / "text.nc").write_text("time_s;v")
     save(run.assign_attrs(train_mass=2e5), tmp_path / "light.nc")
     for name, words in (
         ("part.nc", "has no 'unit_gear'"),
         ("text.nc", "is no file of netCDF"),
+        ("part.mat", "has no 'unit_gear'"),
+        ("bare.mat", "is no file of MATLAB"),
         ("light.nc", "200.0 t, that of the log"),
         ("none.nc", "does not exist"),
     ):

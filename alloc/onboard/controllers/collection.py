@@ -49,6 +49,9 @@ _FIELDS: dict[str, Any] = {item.name: item.type for item in fields(BuiltInContro
 BUILT_IN: dict[str, type[BuiltInController]] = {kind.name: kind for kind in _FIELDS.values()}
 """Built-in controllers by name, from the simplest on; in compiled code a controller is its place here."""
 
+RESERVE = "cut-and-ramp"
+"""Built-in controller that takes over where a hosted one gives up."""
+
 LawSettings = namedtuple("LawSettings", _FIELDS)  # type: ignore[misc]
 """Settings of every law, under the controller's field."""
 
