@@ -6,7 +6,7 @@ import time as clock
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import xarray as xr
@@ -30,7 +30,7 @@ from alloc.onboard.host import (
     unit_contexts,
 )
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.state import RuleSettings, attachments, memory, settings
+from alloc.onboard.state import Memory, RuleSettings, attachments, memory, settings
 from alloc.onboard.telegrams import NOTHING_ADDED
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
@@ -201,7 +201,7 @@ def simulate(
     tally = Tally()
     parts: dict[int, Part] = {ALLOCATION: _RuleInPython(chosen, computers, onboard, tally)}
     if isinstance(host, TellingController):
-        host.connect(*attachments(computers.memory))
+        host.connect(*attachments(cast(Memory, computers.memory)))
     if not isinstance(host, tuple):
         torque = loop.plant.state[model.layout.torque]
         parts[CONTROL] = _ControllerInPython(host, computers, onboard.period, torque, tally)
