@@ -6,7 +6,7 @@ import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import xarray as xr
@@ -241,7 +241,7 @@ class Simulation:
             ALLOCATION: _RuleInPython(chosen, computers, onboard, self.tally)
         }
         if isinstance(host, TellingController):
-            host.connect(*attachments(computers.memory))
+            host.connect(*attachments(cast(Memory, computers.memory)))
         if not isinstance(host, tuple):
             torque = loop.plant.state[model.layout.torque]
             self.parts[CONTROL] = ControllerInPython(

@@ -286,7 +286,7 @@ def _singles(kind: Any, dtype: Any = np.float64, **others: Any) -> Any:
     return kind(*(np.zeros(1, others.get(name, dtype)) for name in kind._fields))
 
 
-def attachments(m: Any) -> tuple[Attachment, Attachment]:
+def attachments(m: Memory) -> tuple[Attachment, Attachment]:
     """What a controller adds to the reports and to the limits that are sent, in the memory itself."""
     line = m.report.line
     return (
