@@ -31,7 +31,7 @@ from alloc.onboard.host import (
     unit_contexts,
 )
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.state import RESERVE, RuleSettings, attachments, memory, settings
+from alloc.onboard.state import RESERVE, Memory, RuleSettings, attachments, memory, settings
 from alloc.onboard.telegrams import NOTHING_ADDED
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
