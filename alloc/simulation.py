@@ -278,16 +278,15 @@ def _check_kinds(event: Any, rule: Any, controller: Any) -> None:
             else "`readhesion.simulate` takes names too"
         )
         raise SimulationError(f"event = {event!r:.80} is no Event: {wanted}")
-    for name, part, kinds, wanted in (
-        ("rule", rule, (str, Rule), "Rule(name, description, function)"),
-        ("controller", controller, (str, HostedController, type),
-         "HostedController(name, meaning, each_unit(class), colour, marker)"),
+    for name, part, has, wanted in (
+        ("rule", rule, "caps", "Rule(name, description, function)"),
+        ("controller", controller, "name", "HostedController(name, meaning, each_unit(class), colour, marker)"),
     ):  # fmt: skip
         if isinstance(part, list | tuple):
             raise SimulationError(
                 f"{name} = {part!r:.80}: a run has one; `readhesion.compare` runs several"
             )
-        if not isinstance(part, kinds) or (isinstance(part, type) and not hasattr(part, "law")):
+        if not (isinstance(part, str) or hasattr(part, has)):
             raise SimulationError(f"{name} = {part!r:.80} is none: give its name, or {wanted}")
 
 
