@@ -121,8 +121,8 @@ def visit_math(writer: Any, node: nodes.math | nodes.math_block) -> None:
     except MathError as error:
         getLogger(__name__).warning("math: %s", error, location=node)
         made = ""
-    beside = f'<span class="eqno">({number[1]})</span>' if number else ""
-    writer.body.append(f'<div class="math">{made}{beside}</div>' if block else made)
+    beside = f'<span class="number">({number[1]})</span>' if number else ""
+    writer.body.append(f'<div class="equation">{made}{beside}</div>' if block else made)
     raise nodes.SkipNode
 
 
