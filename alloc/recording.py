@@ -514,7 +514,7 @@ def save(dataset: xr.Dataset, path: Path) -> None:
     if path.suffix.lower() == MATLAB:
         from scipy.io import savemat
 
-        content = {str(name): v.values for name, v in dataset.variables.items()}
+        content: dict[str, Any] = {str(name): v.values for name, v in dataset.variables.items()}
         content[ATTRIBUTES] = dict(dataset.attrs)
         options: dict[str, Any] = {"oned_as": "column", "do_compression": True}
         write_whole(path, lambda aside: savemat(aside, content, **options))
