@@ -23,7 +23,7 @@ from mpc.model import (
     parameters,
     unit_of_axle,
 )
-from mpc.period import HorizonProblem, PredictiveController, RealTimeIteration, cost_of
+from mpc.period import HorizonProblem, Iteration, PredictiveController, RealTimeIteration, cost_of
 from mpc.settings import MpcSettings
 from mpc.unit import tracked_coefficient
 
@@ -49,13 +49,17 @@ class GroupProblem:
     """Makes the problems of a group and has their solver; axles unit by unit, foremost first."""
 
     def __init__(
-        self, contexts: Sequence[UnitContext], settings: MpcSettings, steps: int | None = None
+        self,
+        contexts: Sequence[UnitContext],
+        settings: MpcSettings,
+        steps: int | None = None,
+        iteration: Iteration = RealTimeIteration,
     ) -> None:
-        """`steps`: most SQP steps, if others than those of the settings."""
+        """`steps`: most SQP steps, if others than those of the settings; `iteration`: makes the solver."""
         group = tuple(map(with_predicted_curve, contexts))
         self._settings = settings
         own = settings if steps is None else replace(settings, iterations=steps)
-        self.solver = RealTimeIteration(group, own, settings.group.evenness)
+        self.solver = iteration(group, own, settings.group.evenness)
         terms = cost_of(group, settings).unit
         self.share, self._scale = terms.share, terms.scale
         self.unit = unit_of_axle(group)
@@ -141,11 +145,14 @@ class GroupController(PredictiveController):
     belief: GroupBelief
 
     def __init__(
-        self, contexts: Sequence[UnitContext], settings: MpcSettings | None = None
+        self,
+        contexts: Sequence[UnitContext],
+        settings: MpcSettings | None = None,
+        iteration: Iteration = RealTimeIteration,
     ) -> None:
         settings = settings or MpcSettings()
         self._lost = LostShare(contexts)
-        self._group = GroupProblem(contexts, settings)
+        self._group = GroupProblem(contexts, settings, iteration=iteration)
         super().__init__(contexts, settings, self._group.solver)
         self.belief = GroupBelief(contexts, settings)
 
