@@ -105,9 +105,7 @@ def _cells(line: SummaryLine, columns: Sequence[Column]) -> list[str]:
             mean, low, high = (
                 f"{round(column.factor * one, digits) + 0.0:+.{digits}f}" for one in (less.value, less.low, less.high)
             )  # fmt: skip
-            told = (
-                f" [{low}, {high}]" if less.count >= LEAST_SHOWN and less.high > less.low else ""
-            )
+            told = f" [{low}, {high}]" if less.count >= LEAST_SHOWN and less.high > less.low else ""
             cells.append(mean + told if less.count else "")
     return [minus(text) for text in cells]
 
