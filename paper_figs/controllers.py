@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from paper_figs.style import (
     NOTE,
     PAGE,
     VERMILION,
+    WORSE_TO_BETTER,
     Look,
     Panel,
     bare_rows,
@@ -168,10 +169,6 @@ def curves(table: pd.DataFrame) -> Figure:
         one.set_xlabel(panel.label)
     legend_below(drawn, [handle(curve, **look) for curve, look in CURVE_LOOKS.items()])
     return drawn
-
-
-WORSE_TO_BETTER = LinearSegmentedColormap.from_list("change", [VERMILION, "#ffffff", BLUE])
-"""From worse than the reference through equal to better."""
 
 
 class MetricPanel(NamedTuple):

@@ -21,7 +21,7 @@ from paper_figs.drawing import figure, recorded
 from paper_figs.style import BLACK, COLUMN, DARK, PAGE, Look, legend_below, new_panels, rule_colour
 
 CONTROLLER = "cut-and-ramp"
-MAP_HEIGHTS, STRIP_HEIGHT, NAME_HEIGHT = (1.05, 1.05), 0.66, 0.13
+MAP_HEIGHTS, STRIP_HEIGHT, NAME_HEIGHT = (1.3, 1.3), 0.95, 0.13
 """Of pictures of all axles, of a unit's strip, and of the name above it [inches]."""
 ADHESION_SHADES = LinearSegmentedColormap.from_list("adhesion", ["#08306b", "#6baed6", "#f4f9fd"])
 """From a slippery rail (dark) to a good one (nearly white)."""
@@ -48,8 +48,8 @@ LIMIT: Look = {"color": BLACK, "linewidth": 0.7, "linestyle": (0, (2.5, 1.5))}
 USED_WIDTH = 0.9
 MOST_INSTANTS = 750
 """Of a strip: more than a page can print."""
-SHOWN_UNITS = 4
-"""Most units that get a strip of their own."""
+SHOWN_UNITS = 2
+"""Most units that get a strip of their own: more strips are too low to be read."""
 ROOM = 1.3
 """What a strip shows, over the largest limit: adhesion far above it serves nothing."""
 

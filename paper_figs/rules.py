@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullFormatter
 from numpy.typing import NDArray
 
 from alloc.metrics import METRICS
@@ -22,10 +21,12 @@ from paper_figs.style import (
     DARK,
     NOTE,
     PAGE,
+    WORSE_TO_BETTER,
     ZERO,
     Look,
     Panel,
     bare_rows,
+    bare_table,
     controller_fill,
     controller_handles,
     handle,
@@ -34,15 +35,18 @@ from paper_figs.style import (
     name_rows,
     new_figure,
     new_panels,
+    number_cell,
+    remark,
     rule_colour,
     rule_handles,
     rule_look,
     tint_better,
     zero_line,
 )
-from studies.comparison.summary import EFFORT, MOST_OVER, REFERENCE, SummaryLine, summarise
+from studies.comparison.pooled import ALL, is_marked, pooled, shared_events
+from studies.comparison.summary import EFFORT, NO_MEAN, REFERENCE, SummaryLine, summarise
 from studies.core.drawn_events import complete
-from studies.core.statement import mean_interval
+from studies.core.statement import LEAST_SHOWN, Interval, mean_interval
 from studies.patent.differences_study import closed_loop
 from studies.patent.headroom_study import RULES as HEADROOM_RULES
 from studies.patent.headroom_study import STRATA, gain, in_stratum, pairs_of, rules_of
@@ -130,105 +134,163 @@ def _limits(axes: Axes, rule: str, coefficient: float) -> None:
     axes.grid(visible=False, axis="x")
 
 
-class Change(NamedTuple):
-    """A metric as its difference from `REFERENCE`: label, factor to its unit, and up to where the axis is linear."""
-
-    metric: str
-    label: str
-    factor: float
-    linear: float
-
-
-GAINS = (
-    Change(EFFORT, "used of the bound,\nless alone's [%]", 100.0, 1.0),
-    Change("damage", "wheel damage Q,\nless alone's [kJ]", 1.0, 10.0),
+DIFFERENCES = (
+    Panel(EFFORT, "used of the bound,\nless alone's [%]", 100.0),
+    Panel("over_delivery", "over plan,\nless alone's [%]", 100.0),
+    Panel("damage", "wheel damage Q,\nless alone's [kJ]"),
+    Panel("slip_time", "slip over axles,\nless alone's [s]"),
+    Panel("jerk_rms", "jerk rms,\nless alone's [m/s³]"),
 )
-ABREAST = 3
-"""Controllers side by side; more of them stand below each other."""
-ROW, BETWEEN, LEAST_BANDS = 0.056, 0.95, 0.45
-"""Heights [inches] of a rule's row, of what stands above and below the rows, and of all rows of one event alone."""
-MARK: Look = {"markersize": 3.2, "elinewidth": 0.8, "markeredgewidth": 0.4, "clip_on": False}
-"""Of a rule's row; the first and the last stand at the panel's edge, and are not cut there."""
+"""Metrics of which each rule's difference from `REFERENCE` is shown."""
+ROW, AROUND = 0.115, 1.1
+"""Height [inches] of a controller's mark in a rule's row, and of what stands around the rows."""
+MARK: Look = {"markersize": 3.8, "elinewidth": 1.0, "markeredgewidth": 0.6}
+EVENT_MARK: Look = {"marker": "o", "markersize": 1.6, "markeredgewidth": 0.0, "alpha": 0.35}
+"""Of one event, below the mean of all."""
 PALE = 0.35
 """Opacity of a mark that is not to be ranked."""
+MIDDLE = (0.05, 0.95)
+"""Share of the events' marks that an axis shows at least; one far event would leave no room for the others."""
 NO_PAIRS = f"differences need the\nrule {REFERENCE} beside others"
 
 
-@figure("rule-comparison", "rules over all events: use of the bound and wheel damage, less those of alone", comparison,
-        events="seeds")  # fmt: skip
-def rule_comparison(table: pd.DataFrame) -> Figure:
-    """Mean of paired differences over the seeds, with its interval; one seed has none. A band per event, a row per rule.
+def by_gain(lines: Sequence[SummaryLine]) -> list[str]:
+    """Rules but `REFERENCE`, the one first that gains most of the bound on the mean over controllers."""
+    gains: dict[str, list[float]] = {}
+    for line in lines:
+        if line.rule != REFERENCE:
+            gains.setdefault(line.rule, []).append(_gain(line).value)
+    return sorted(gains, key=lambda rule: -float(np.nan_to_num(np.mean(gains[rule]), nan=-1e9)))
 
-    The better side is tinted. Pale marks: more than 1 % is delivered beyond the plan. Axes are linear between the two inner
-    ticks and logarithmic beyond.
+
+def _gain(line: SummaryLine) -> Interval:
+    return line.differences.get(EFFORT, NO_MEAN)
+
+
+@figure("rule-comparison", "rules over all events together: what each uses of the bound and costs, less that of alone",
+        comparison)  # fmt: skip
+def rule_comparison(table: pd.DataFrame) -> Figure:
+    """Mean of paired differences from alone over the events, with its interval: how much events differ. Dots are events.
+
+    A row per rule, a mark per controller. The better side is tinted. Pale: more than 1 % is delivered beyond the plan.
+    ° knows the rail, as nobody on board can.
     """
     lines = summarise(table)
-    scenarios = list(dict.fromkeys(line.scenario for line in lines))
-    rules = [rule for rule in dict.fromkeys(line.rule for line in lines) if rule != REFERENCE]
-    controllers = list(dict.fromkeys(line.controller for line in lines))
-    blocks = math.ceil(len(controllers) / ABREAST)
-    abreast = math.ceil(len(controllers) / blocks)
-    bands = max(ROW * max(len(rules), 3), 0.14) * len(scenarios)
-    height = blocks * (BETWEEN + max(bands, LEAST_BANDS))
-    shape = {"sharey": True, "squeeze": False}
-    drawn, panels = new_panels(PAGE, height, blocks, abreast * len(GAINS), **shape)
-    limits = {change: _ends(change, lines) for change in GAINS}
-    for k, controller in enumerate(controllers):
-        own = [line for line in lines if line.controller == controller]
-        for place, change in enumerate(GAINS):
-            axes = panels[k // abreast][place * abreast + k % abreast]
-            _change(axes, change, own, scenarios, rules)
-            _scale(axes, change, limits[change])
-            axes.set_title(controller, loc="center")
-            if k % abreast == (min(abreast, len(controllers)) - 1) // 2:
-                axes.set_xlabel(change.label)
-    for axes in panels.flat:
-        axes.set_visible(bool(axes.get_title("center")))
-    name_rows(panels[0, 0], scenarios)
-    legend_below(drawn, rule_handles(rules), 5)
+    means = pooled(lines)
+    rules, controllers = by_gain(means), list(dict.fromkeys(line.controller for line in lines))
+    panels = [one for one in DIFFERENCES if any(one.metric in line.metrics for line in means)]
+    height = AROUND + ROW * max((len(controllers) + 1) * len(rules), 6)
+    drawn, row = new_panels(PAGE, height, 1, len(panels), sharey=True, squeeze=False)
+    far = sum(
+        _forest(axes, panel, lines, means, rules)
+        for axes, panel in zip(row[0], panels, strict=True)
+    )
+    name_rows(row[0, 0], _names(rules))
+    if far:
+        remark(row[0, 0], f"{far} dots lie beyond the axes.")
+    legend_below(drawn, controller_handles(controllers))
     return drawn
 
 
-def _change(
-    axes: Axes, change: Change, lines: Sequence[SummaryLine], scenarios: list[str], rules: list[str]
-) -> None:
-    """Each rule's own row in each event's band, so no mark covers another."""
-    for line in lines:
-        found = line.differences.get(change.metric)
-        if found is not None and math.isfinite(found.value):
-            y = scenarios.index(line.scenario) + (rules.index(line.rule) + 0.5) / len(rules) - 0.5
-            look = rule_look(line.rule) | MARK | ({"alpha": PALE} if line.over > MOST_OVER else {})
-            interval_mark(axes, found, y, change.factor, look)
-    if not any(line.differences for line in lines):
-        axes.text(0.5, 0.5, NO_PAIRS, transform=axes.transAxes, ha="center", va="center")
-    for k in range(len(scenarios) + 1):
-        axes.axhline(k - 0.5, color=BAND_GREY, linewidth=0.5, zorder=-1)
-    axes.axvline(0.0, color=ZERO, linewidth=0.7, zorder=0)
+def _forest(
+    axes: Axes, panel: Panel, lines: Sequence[SummaryLine], means: Sequence[SummaryLine], rules: Sequence[str]
+) -> int:  # fmt: skip
+    """Means and events of one metric; gives how many events lie beyond the axis."""
+    controllers = list(dict.fromkeys(line.controller for line in lines))
+    ends, dots = [0.0], [0.0]
+    for k, controller in enumerate(controllers):
+        own = [line for line in lines if line.controller == controller]
+        shared = shared_events(own)
+        offset = (k - 0.5 * (len(controllers) - 1)) / (len(controllers) + 1)
+        for line in means:
+            found = line.differences.get(panel.metric, NO_MEAN)
+            if line.controller != controller or not math.isfinite(found.value):
+                continue
+            place, look = rules.index(line.rule) + offset, rule_look(line.rule)
+            single = [one.differences[panel.metric].value for one in own
+                      if one.rule == line.rule and one.scenario in shared and one.differences]  # fmt: skip
+            values = panel.factor * np.array([one for one in single if math.isfinite(one)])
+            dot = look | EVENT_MARK | {"gid": f"{line.rule}, an event"}
+            axes.plot(values, np.full(values.size, place), **dot)
+            look |= controller_fill(controller) | MARK
+            look |= {"alpha": PALE} if is_marked(line) else {}
+            interval_mark(axes, found, place, panel.factor, look)
+            dots += values.tolist()
+            known = [one for one in (found.value, found.low, found.high) if math.isfinite(one)]
+            ends += [panel.factor * one for one in known]
+    low, high = np.quantile(dots, MIDDLE)
+    low, high = min(low, *ends), max(high, *ends)
+    room = 0.06 * (high - low) or 1.0
+    axes.set_xlim(low - room, high + room)
+    axes.locator_params(axis="x", nbins=4)
+    axes.set_xlabel(panel.label)
+    tint_better(axes, METRICS[panel.metric].better)
+    zero_line(axes)
     bare_rows(axes)
+    for k in range(1, len(rules)):
+        axes.axhline(k - 0.5, color=BAND_GREY, linewidth=0.5, zorder=-1)
+    if not any(line.differences for line in means):
+        axes.text(0.5, 0.5, NO_PAIRS, transform=axes.transAxes, ha="center", va="center")
+    return sum(not low - room <= one <= high + room for one in dots)
 
 
-def _ends(change: Change, lines: Sequence[SummaryLine]) -> tuple[float, float]:
-    """Ends of the axis: all intervals, and at least what is linear."""
-    found = [line.differences.get(change.metric) for line in lines]
-    known = [one for at in found if at is not None for one in (at.value, at.low, at.high)]
-    ends = [1.3 * change.factor * one for one in known if math.isfinite(one)]
-    ends += [-1.5 * change.linear, 1.5 * change.linear]
-    return min(ends), max(ends)
+def _names(rules: Sequence[str]) -> list[str]:
+    """Rules, with a mark at those that know the rail; of a rule that is no longer there it is not known."""
+    return [f"{rule}°" if rule in RULES and RULES[rule].needs_truth else rule for rule in rules]
 
 
-def _scale(axes: Axes, change: Change, limits: tuple[float, float]) -> None:
-    """Linear around zero, logarithmic beyond, with numbers at zero and at the last tick of both sides."""
-    axes.set_xscale("symlog", linthresh=change.linear)
-    axes.set_xlim(limits)
-    powers = change.linear * 10.0 ** np.arange(0, 9)
-    ticks = [*(-powers[powers <= -limits[0]]), 0.0, *powers[powers <= limits[1]]]
-    last = {min(ticks), 0.0, max(ticks)}
-    axes.xaxis.set_major_locator(FixedLocator(sorted(last)))
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_locator(FixedLocator([tick for tick in ticks if tick not in last]))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(axis="x", labelsize=NOTE)  # those of neighbours would meet
-    tint_better(axes, METRICS[change.metric].better)
+FULL = 5.0
+"""Difference of the strongest colour [% of the bound]."""
+LINE_HEIGHT, TITLE_HEIGHT, NAMES_HEIGHT = 0.155, 0.34, 1.0
+"""Heights [inches] of a row of cells, of a controller's title, and of the rules' names with what stands below the cells."""
+MOST_HEIGHT = 9.6
+"""Height [inches] up to which rows keep theirs; of more events or controllers they are lower."""
+
+
+@figure(
+    "rule-events",
+    "rules event by event: what each uses of the bound more than alone",
+    comparison,
+    events="seeds",
+)
+def rule_events(table: pd.DataFrame) -> Figure:
+    """A panel per controller: points of the bound used, less alone's, over all events and in each. Blue is better.
+
+    White: the interval over five seeds or more includes zero. An event with fewer has no interval, and one in which nothing
+    is drawn needs none. * delivers more than 1 % beyond the plan. ° knows the rail, as nobody on board can.
+    """
+    lines = summarise(table)
+    means = pooled(lines)
+    rules, controllers = by_gain(means), list(dict.fromkeys(line.controller for line in lines))
+    scenarios = list(dict.fromkeys(line.scenario for line in lines))
+    rows = [ALL, *scenarios]
+    around = NAMES_HEIGHT + TITLE_HEIGHT * len(controllers)
+    height = min(around + LINE_HEIGHT * len(rows) * len(controllers), MOST_HEIGHT)
+    drawn, panels = new_panels(PAGE, height, len(controllers), 1, sharex=True, squeeze=False)
+    scale = Normalize(-FULL, FULL)
+    for axes, controller in zip(panels[:, 0], controllers, strict=True):
+        for line in [one for one in (*means, *lines) if one.controller == controller]:
+            found = _gain(line)
+            if line.rule == REFERENCE or not math.isfinite(found.value):
+                continue
+            gain = 100.0 * found.value
+            open_ = found.count >= LEAST_SHOWN and found.low <= 0.0 <= found.high
+            words = f"{round(gain, 1) + 0.0:+.1f}".replace("-", "\N{MINUS SIGN}")
+            number_cell(axes, rules.index(line.rule), rows.index(line.scenario), (0.96, 0.92),
+                        0.5 if open_ else float(scale(gain)), WORSE_TO_BETTER, words + "*" * is_marked(line))  # fmt: skip
+        name_rows(axes, rows)
+        axes.axhline(0.5, color=DARK, linewidth=0.8)
+        axes.set(title=controller, ylabel="event")
+        axes.set_xlim(-0.5, max(len(rules), 1) - 0.5)
+        bare_table(axes)
+        if not any(line.differences for line in means):
+            axes.text(0.5, 0.5, NO_PAIRS, transform=axes.transAxes, ha="center", va="center")
+    last = panels[-1, 0]
+    last.set_xticks(range(len(rules)), _names(rules), rotation=90)
+    for text, rule in zip(last.get_xticklabels(), rules, strict=True):
+        text.set_color(rule_colour(rule))
+    last.set_xlabel("used of the bound, less that of alone [%]")
+    return drawn
 
 
 FEW_PROBLEMS = 100

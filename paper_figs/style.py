@@ -10,14 +10,14 @@ from weakref import WeakKeyDictionary
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.colors import Colormap
+from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import Locator, NullLocator
 
 from alloc.onboard.host import CONTROLLERS
 from alloc.rules import RULES
-from studies.core.statement import CONFIDENCE, Interval
+from studies.core.statement import CONFIDENCE, LEAST_SHOWN, Interval
 from studies.files.study_error import StudyError
 
 Look = dict[str, Any]
@@ -47,6 +47,10 @@ NOTE = 6.0
 """Size of type inside a panel [points], where the style's 7 points have no room; nothing is smaller."""
 NOTEBOOK_FORMATS = ("image/png", "image/svg+xml", "image/jpeg", "application/pdf")
 """What a notebook may show a figure as."""
+
+
+WORSE_TO_BETTER = LinearSegmentedColormap.from_list("change", [VERMILION, "#ffffff", BLUE])
+"""From worse than the reference through equal to better."""
 
 
 class Panel(NamedTuple):
@@ -168,7 +172,7 @@ def plain_ticks(axis: Axis, locator: Locator) -> None:
 def interval_mark(
     axes: Axes, found: Interval, place: float, factor: float, look: Look, upright: bool = False
 ) -> None:
-    """A mean with its interval as an error bar at a `place` across it; one event alone has no interval."""
+    """A mean at a `place` across it, with its interval as an error bar; of fewer than `LEAST_SHOWN` events a point."""
     counted(axes, [found])
     value, sides = factor * found.value, sides_of(found, factor)
     if upright:
@@ -178,8 +182,8 @@ def interval_mark(
 
 
 def sides_of(found: Interval, factor: float) -> list[list[float]] | None:
-    """How far an interval reaches below and above its mean, as error bars want it; None of one event alone."""
-    if found.count < 2:
+    """How far an interval reaches below and above its mean, as error bars want it; None of fewer than `LEAST_SHOWN`."""
+    if found.count < LEAST_SHOWN:
         return None
     return [[factor * (found.value - found.low)], [factor * (found.high - found.value)]]
 
@@ -231,8 +235,10 @@ def remarks(drawn: Figure, events: str) -> str:
         said = [f"Means with {100 * CONFIDENCE:g} % intervals over n = {number} {events}."]
         if most == 1:
             said = [f"Each mark is one of the {events} alone, without an interval."]
-        elif least == 1:
-            said += ["A mark without a bar has one alone."]
+        elif most < LEAST_SHOWN:
+            said = [f"Means over n = {number} {events}, too few for an interval."]
+        elif least < LEAST_SHOWN:
+            said += [f"Fewer than {LEAST_SHOWN} have no interval."]
     return " ".join(said + _REMARKS.get(drawn, []))
 
 

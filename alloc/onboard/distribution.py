@@ -29,8 +29,8 @@ marks alone left the MPC 2.9 % of the effort behind on wide peaks (20 events of 
 
 ROOM = 1.3
 """The same of a unit that has not slipped, for rules that know every unit's own mark: its search shall not meet the limit.
-Under (5) a unit's limit moves those behind it. One that slips is not asked for so much: cut-and-ramp would lose 0.7 points of the
-bound and ride 4.5 % worse (48 events with headroom, seeds 9200 and 9300)."""
+Under (5) a unit's limit moves those behind it. One that slips is not asked for so much: cut-and-ramp would lose 0.7 points
+of the bound and ride 4.5 % worse (48 events with headroom, seeds 9200 and 9300)."""
 
 LEAST = 0.01
 """Least cap of a unit that works."""

@@ -13,7 +13,7 @@ from alloc.metrics.registry import UNLIMITED, range_of
 from alloc.rules import RULES
 from studies.comparison.summary import EFFORT, MOST_OVER, NO_MEAN, REFERENCE, SummaryLine, means_of
 from studies.comparison.table import COLUMNS, Column, minus
-from studies.core.statement import Interval
+from studies.core.statement import LEAST_SHOWN, Interval
 
 ALL = "all events"
 """In place of the scenario in a line over all of them."""
@@ -21,8 +21,6 @@ SHOWN = (EFFORT, "over_delivery", "damage", "slip_time", "jerk_rms")
 """Metrics of the table: capped effort, and what it costs."""
 DIFFERENT = (EFFORT, "damage", "slip_time")
 """Those of which the difference from `REFERENCE` is shown."""
-LEAST_EVENTS = 5
-"""Fewer events give no interval that says anything."""
 FORMATS = ("csv", "markdown", "latex")
 
 
@@ -39,15 +37,21 @@ def pooled(lines: Sequence[SummaryLine]) -> list[SummaryLine]:
             rule: {one.scenario: one for one in own if one.rule == rule}
             for rule in dict.fromkeys(line.rule for line in own)
         }
-        common = [
-            name for name in dict.fromkeys(line.scenario for line in own)
-            if all(name in some and some[name].seeds > some[name].left_out for some in by_rule.values())
-        ]  # fmt: skip
+        common = shared_events(own)
         rows = [
             _over_events([some[name] for name in common]) for some in by_rule.values() if common
         ]
         found += sorted(rows, key=lambda one: -_value(one, EFFORT))
     return found
+
+
+def shared_events(own: Sequence[SummaryLine]) -> list[str]:
+    """Scenarios of a controller's lines that have runs that count under every rule of it."""
+    rules = {line.rule for line in own}
+    counts: dict[str, set[str]] = {}
+    for line in own:
+        counts.setdefault(line.scenario, set()).update([line.rule] * (line.seeds > line.left_out))
+    return [scenario for scenario, some in counts.items() if some == rules]
 
 
 def _over_events(some: Sequence[SummaryLine]) -> SummaryLine:
@@ -101,9 +105,7 @@ def _cells(line: SummaryLine, columns: Sequence[Column]) -> list[str]:
             mean, low, high = (
                 f"{round(column.factor * one, digits) + 0.0:+.{digits}f}" for one in (less.value, less.low, less.high)
             )  # fmt: skip
-            told = (
-                f" [{low}, {high}]" if less.count >= LEAST_EVENTS and less.high > less.low else ""
-            )
+            told = f" [{low}, {high}]" if less.count >= LEAST_SHOWN and less.high > less.low else ""
             cells.append(mean + told if less.count else "")
     return [minus(text) for text in cells]
 

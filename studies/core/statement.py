@@ -115,6 +115,9 @@ VERDICTS = (HOLDS, CONDITIONS, FAILS, UNDECIDED, TOO_FEW)
 LEAST_EVENTS = 10
 """Smallest number of events on which a verdict about a whole or a part can rest."""
 
+LEAST_SHOWN = 5
+"""Events of a mean whose interval is shown: with fewer it says nothing."""
+
 CONFIDENCE = 0.95
 """Confidence of every interval that is printed; verdicts on several claims use wider ones (see `studies.core.claims`)."""
 INTERVALS_OF_MEANS = "means with a bootstrap of the events, verdicts by Student's t"

@@ -56,6 +56,7 @@ from tests.studies.example_lines import EXAMPLE_PATH, example_stock, short_route
 from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.made_tables import (
+    SCENARIOS,
     comparison_table,
     falling,
     sander_table,
@@ -76,8 +77,13 @@ def learning_table() -> pd.DataFrame:
     return synthetic(falling, trains=2)
 
 
+def six_events() -> pd.DataFrame:
+    """A comparison with enough events for an interval over them, and enough seeds for one over these."""
+    return comparison_table(seeds=5, scenarios=(*SCENARIOS, "four", "five", "six"))
+
+
 TABLES = {
-    "allocation-bars": (), "rule-comparison": (comparison_table,),
+    "allocation-bars": (), **dict.fromkeys(("rule-comparison", "rule-events"), (six_events,)),
     "ladder": (ladder_table,), "curves": (curve_table,), "headroom": (headroom_table,), "mismatch": (mismatch_table,),
     "information": (information_table,),
     "differences": (difference_table,), "brake-cut-out": (brake_table,), "learning": (learning_table,),

@@ -318,7 +318,9 @@ def test_few_events_and_one_seed_are_drawn_too(tmp_path):
         shown = one_seed[one_seed["scenario"].isin(SCENARIOS[:events])]
         drawn = FIGURES["rule-comparison"](shown)
         told = csv_of(drawn)
-        assert set(told["series"].dropna()) == set(RULES) - {"alone"}
+        assert set(told["series"].dropna()) == {
+            rule + end for rule in set(RULES) - {"alone"} for end in ("", ", an event")
+        }
         assert set(told["kind"]) == {"point", "bound"}  # one seed has no interval
         assert not any(text.get_text() == NOTHING for axes in drawn.axes for text in axes.texts)
 

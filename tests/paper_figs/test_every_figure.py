@@ -33,12 +33,14 @@ from paper_figs.rules import (
     caps,
     differences,
     rule_comparison,
+    rule_events,
 )
 from paper_figs.style import BETTER, COLUMN, NOTE, STYLE_FILE, Width, new_figure, rule_colour
 from studies.brake_force.study import CUT_OUT
-from studies.comparison.summary import REFERENCE, summarise
+from studies.comparison.pooled import ALL, pooled
+from studies.comparison.summary import EFFORT, MOST_OVER, REFERENCE, summarise
 from studies.core.drawn_events import COMPARED, Arm
-from studies.core.statement import FAILS, HOLDS
+from studies.core.statement import FAILS, HOLDS, LEAST_SHOWN
 from studies.files.study_error import StudyError
 from studies.patent.claims_study import CLAIM_STUDY, LAYERS
 from studies.patent.learning_study import TOLERANCE as LEARNT_WITHIN
@@ -59,7 +61,7 @@ BODY = 7.0
 """Size of type [points] of a figure as printed."""
 UNIT = re.compile(r"\[(–|%|s|m|km|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
-    "unit", "car (1 = foremost)", "axle from the front", "stations", "adhesion curve",
+    "unit", "event", "car (1 = foremost)", "axle from the front", "stations", "adhesion curve",
     "first half ahead of car", "second half ahead of car",
 }  # fmt: skip
 """Labels of axes that count things, which have no unit."""
@@ -144,33 +146,66 @@ def data(line):
 
 
 @law("rule-comparison")
-def its_rules_have_their_colours_and_its_points_are_the_paired_differences(figure):
-    rules = [rule for rule in RULES_COMPARED if rule != REFERENCE]
-    shown = {to_hex(line.get_color()) for axes in figure.axes for line in lines_of(axes)}
-    assert {rule_colour(rule) for rule in rules} <= shown
-    (legend,) = figure.legends
-    of_label = {
-        text.get_text(): to_hex(handle.get_color())
-        for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
+def its_marks_are_the_pooled_differences_and_its_dots_the_events(figure):
+    lines = summarise(small_figures.six_events())
+    means, data = pooled(lines), drawn_data(figure)
+    shown = {
+        "bound_use": (100.0, 1),
+        "over_delivery": (100.0, -1),
+        "damage": (1.0, -1),
+        "jerk_rms": (1.0, -1),
     }
-    assert of_label == {rule: rule_colour(rule) for rule in rules}
-    lines, data = summarise(comparison_table()), drawn_data(figure)
-    for place, (metric, better) in enumerate((("bound_use", 1), ("damage", -1))):
-        panels = list(dict.fromkeys(data["panel"]))[2 * place : 2 * place + 2]
-        shown = data[data["panel"].isin(panels) & data["kind"].isin(["mean", "point"])]
-        factor = 1.0 if metric == "damage" else 100.0
-        meant = {
-            (one.rule, round(factor * one.differences[metric].value, 9)) for one in lines if one.differences
-        }  # fmt: skip
-        rounded = {(r, round(x, 9)) for r, x in zip(shown["series"], shown["x"], strict=True)}
-        assert rounded == meant
-        axes = figure.axes[2 * place]
-        (side,) = [patch for patch in axes.patches if to_hex(patch.get_facecolor()) == BETTER]
+    for k, (metric, (factor, better)) in enumerate(shown.items()):
+        axes, own = figure.axes[k], data[data["panel"] == list(dict.fromkeys(data["panel"]))[k]]
+        marks = own[own["kind"] == "mean"]
+        meant = {(one.rule, *(round(factor * end, 9) for end in (d.value, d.low, d.high)))
+                 for one in means if one.differences for d in [one.differences[metric]]}  # fmt: skip
+        numbers = marks[["x", "x_low", "x_high"]].round(9).itertuples(index=False, name=None)
+        assert {(rule, *ends) for rule, ends in zip(marks["series"], numbers, strict=True)} == meant
+        dots = own[own["series"].fillna("").str.endswith(", an event")]
+        each = [factor * one.differences[metric].value for one in lines if one.differences]
+        np.testing.assert_allclose(sorted(dots["x"]), sorted(each), atol=1e-9)
         low, high = axes.get_xlim()
-        ends = (side.get_x(), side.get_x() + side.get_width())
-        assert ends == pytest.approx((0.0, high) if better > 0 else (low, 0.0))
-        pale = {line.get_gid() for line in lines_of(axes) if line.get_alpha() not in (None, 1.0)}
-        assert pale == {"greedy"}  # which delivers too much in the second event
+        tinted = [patch for patch in axes.patches if to_hex(patch.get_facecolor()) == BETTER]
+        ends = [end for one in tinted for end in (one.get_x(), one.get_x() + one.get_width())]
+        assert ends == pytest.approx([0.0, high] if better > 0 else [low, 0.0])
+    colours = {
+        line.get_gid(): to_hex(line.get_color())
+        for line in lines_of(figure.axes[0])
+        if line.get_gid()
+    }
+    rules = {rule for rule in RULES_COMPARED if rule != REFERENCE}
+    rows = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    gains = [RULES_COMPARED[rule] for rule in rows]
+    assert set(rows) == rules
+    assert gains == sorted(gains, reverse=True)
+    assert {rule: colours[rule] for rule in rules} == {rule: rule_colour(rule) for rule in rules}
+
+
+@law("rule-events")
+def its_cells_are_the_gains_and_white_where_they_are_open(figure):
+    lines = summarise(small_figures.six_events())
+    for axes, controller in zip(figure.axes, ("cut-and-ramp", "mpc"), strict=True):
+        rules = [text.get_text() for text in figure.axes[-1].get_xticklabels()]
+        rows = [text.get_text() for text in axes.get_yticklabels()]
+        assert rows[0] == ALL
+        words = {tuple(map(round, text.get_position())): text.get_text() for text in axes.texts}
+        cells = {
+            (round(one.get_x() + 0.48), round(one.get_y() + 0.46)): one for one in axes.patches
+        }
+        for line in (*pooled(lines), *lines):
+            found = line.differences.get(EFFORT)
+            if found is None or line.controller != controller:
+                continue
+            place = rules.index(line.rule), rows.index(line.scenario)
+            over = "*" if line.over > MOST_OVER else ""
+            assert words[place].replace("\N{MINUS SIGN}", "-") == f"{100 * found.value:+.1f}{over}"
+            white = found.count >= LEAST_SHOWN and found.low <= 0.0 <= found.high
+            assert (to_hex(cells[place].get_facecolor()) == "#ffffff") == white
+        assert len(words) == len(rules) * len(rows)
+    assert any(
+        "*" in text.get_text() for text in figure.axes[0].texts
+    )  # greedy in the second event
 
 
 @law("allocation-bars")
@@ -240,13 +275,14 @@ def it_shows_what_units_have_and_use(figure):
     runs = small_figures.runs()
     titles = [axes._left_title for axes in figure.axes[:2]]
     assert [to_hex(t.get_color()) for t in titles] == [rule_colour("alone"), rule_colour("exact")]
-    rows = 2 + runs[0].sizes["unit"] + 1
+    units = [0, runs[0].sizes["unit"] - 1]
+    rows = 2 + len(units) + 1
     axes = np.reshape(figure.axes[: 2 * rows], (rows, 2))
     for column, run in zip(axes.T, runs, strict=True):
         rail, slip = (one.get_images()[0].get_array() for one in column[:2])
         assert rail.min() == pytest.approx(run["adhesion_limit"].values.min())
         assert slip.max() == pytest.approx(np.abs(run["slip_velocity"].values).max())
-        for unit, one in enumerate(column[2:-1]):
+        for unit, one in zip(units, column[2:-1], strict=True):
             own = run["axle_unit"].values == unit
             load = run["axle_load"].values[:, own].sum(axis=1)
             used = np.abs(run["rail_force"].values[:, own].sum(axis=1)) / load
@@ -453,13 +489,17 @@ def test_learning_shows_each_series_their_mean_and_how_many_are_within_the_toler
 
 def test_a_comparison_without_the_reference_says_so_and_any_number_of_controllers_is_drawn():
     table = comparison_table()
-    axes = rule_comparison(table[table["rule"] != REFERENCE]).axes[0]
-    assert [text.get_text() for text in axes.texts] == [NO_PAIRS]
+    for draw in (rule_comparison, rule_events):
+        axes = draw(table[table["rule"] != REFERENCE]).axes[0]
+        assert [text.get_text() for text in axes.texts] == [NO_PAIRS]
     for count in (1, 5):
         names = list(CONTROLLERS)[:count]
-        drawn = rule_comparison(comparison_table(tuple(names)))
-        shown = [axes.get_title("center") for axes in drawn.axes if axes.get_visible()]
-        assert sorted(shown) == sorted(2 * names)
+        table = comparison_table(tuple(names), scenarios=tuple(f"event {k}" for k in range(14)))
+        drawn = rule_events(table)
+        assert [axes.get_title("left") for axes in drawn.axes] == names
+        assert drawn.get_size_inches()[1] <= 10.0
+        (legend,) = rule_comparison(table).legends
+        assert [text.get_text() for text in legend.get_texts()] == names
 
 
 def test_every_figure_has_a_description_small_runs_that_draw_it_and_a_page():
@@ -490,7 +530,7 @@ def test_text_that_overlaps_is_found():
 
 def test_what_changes_in_a_picture_is_seen(monkeypatch):
     """A mean that moves, a row left out, a side not tinted, another colour."""
-    table = comparison_table()
+    table = small_figures.six_events()
     before = pixels(from_tables("rule-comparison"))
     assert calculate_rms(before, pixels(FIGURES["rule-comparison"](table))) == 0.0
     moved = table.assign(bound_use=table["bound_use"] + 0.02 * (table["rule"] == "greedy"))
