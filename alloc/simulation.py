@@ -62,6 +62,8 @@ class _RuleInPython:
             delivered=np.maximum(m.delivered, 0.0),
             truth=m.truth.copy(),
             deviation=m.learnt.deviation.copy(),
+            mark=m.mark.copy(),
+            upper_bound=m.upper_bound.copy(),
         )
         answer: Allocation = self.rule(problem)
         m.limit_wanted[:] = answer.limit
