@@ -29,11 +29,13 @@ torque themselves. One held at what it delivered on its way to the peak reaches 
 marks alone left the MPC 2.9 % of the effort behind on wide peaks (20 events of the curves, seed 0, `exact`)."""
 
 ROOM = 1.3
-"""The same of a unit that has not slipped, for rules that know every unit's own mark: its search shall not meet the limit. Under
-(5) a unit's limit moves those behind it. One that slips is not asked for so much: cut-and-ramp would lose 0.7 points of the
-bound and ride 4.5 % worse (48 events with headroom, seeds 9200 and 9300)."""
+"""The same for rules that know every unit's own mark: a search is not to meet the limit. Under (5) a unit's limit moves those
+behind it. `cooperative` asks a unit that slipped for `PROBE` all the same: cut-and-ramp would lose 0.7 points of the bound
+and ride 4.5 % worse (48 events with headroom, seeds 9200 and 9300)."""
 
 FORGET_HELD, RISE_HELD = 2.0, 0.003
+"""The same two for rules that share in proportion to marks, which they then keep below: marks that rise faster would lead units
+back to their peaks, where wear is."""
 
 SEARCHED = 1.2
 """Time [s] of a search that finds nothing better, after which a unit is held at the best that it found."""
@@ -114,8 +116,8 @@ def _update_demonstrated(st, m):
 def _mark_and_hold(m, period):
     """Marks of all units, and what each is asked for where the plan is out of reach: room to search, or the best found.
 
-    Beyond a sharp peak a search finds nothing more, and costs most. So it pauses: wheels of a held unit readhere and work just
-    below the peak.
+    Beyond a sharp peak a search finds nothing more, and costs most. So it pauses: wheels of a held unit readhere, and work
+    just below the peak.
     """
     expected, best = m.train.expected[0], m.train.expected[0]
     for j in range(m.cap.size):

@@ -24,6 +24,7 @@ from alloc.rules.problem import (
     import_solver,
 )
 from alloc.rules.rule import RULES, Rule
+from alloc.rules.wear import WEAR, answer_wear
 
 # The allocation as a quadratic program, set up once per number of units and solver, then updated.
 #
@@ -257,6 +258,24 @@ QP_CVXPY = Rule(
     promise="exact", colour="#1c00ff", marker="<",
 )  # fmt: skip
 RULES.register("qp-cvxpy", QP_CVXPY)
+
+
+# The program of least wear (`alloc.rules.wear`) in shares of the marks, by the same solvers.
+
+
+def _wear_by(kind: Callable[[int], Workspace], name: str, description: str, **look: str) -> None:
+    solve = partial(answer_by, kind, name)
+    form = replace(WEAR, name=name, description=description, law=None, **look)
+    RULES.register(name, replace(form, answer=partial(answer_wear, solve)))
+
+
+_wear_by(
+    OsqpProblem, "wear-qp", "wear as a quadratic program (OSQP)", colour="#145674", marker="$Q$"
+)
+_wear_by(
+    Formulation, "wear-cvxpy", "wear stated in cvxpy: readable reference, slow",
+    colour="#ae4006", marker="$C$",
+)  # fmt: skip
 
 
 # Chance-constrained allocation: the rail carries every cap with a chosen probability; then the quadratic program as

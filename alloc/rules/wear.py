@@ -24,7 +24,6 @@ controller searches for the peak undisturbed, or for the best that it found (`al
 
 import time
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
@@ -39,8 +38,7 @@ from alloc.rules.problem import (
     Floats,
     allocation,
 )
-from alloc.rules.qp import Formulation, OsqpProblem, answer_by
-from alloc.rules.rule import RULES, Caps, Rule, Trigger
+from alloc.rules.rule import RULES, Caps, Rule, Trigger, units_of
 
 LEAST_MARK = 1e-3
 """Mark below which a unit's share counts as that of this mark: a unit without any adhesion has none."""
@@ -83,7 +81,9 @@ def in_shares(problem: AllocationProblem) -> tuple[AllocationProblem, Floats]:
     """The program with x / p in the place of x, which is that of `alloc.rules.qp`; and p, (n,)."""
     mark = np.maximum(problem.peak, LEAST_MARK)
     mass, bounds = problem.weight * mark, ("cap", "limit_max", "previous", "rate")
-    shares = {name: value / mark for name in bounds if (value := getattr(problem, name)) is not None}
+    shares = {
+        name: value / mark for name in bounds if (value := getattr(problem, name)) is not None
+    }
     nothing = dict.fromkeys(("delivered", "truth", "deviation", "mark", "upper_bound"))
     plan = problem.expected * float(problem.weight.sum() / mass.sum())
     return problem.changed(expected=plan, mass=mass, **shares, **nothing), mark
@@ -95,8 +95,8 @@ def answer_wear(
     """Limits of least wear, with `solve` for the program in shares."""
     started = time.perf_counter()
     if not problem.within_reach:
-        asked = np.where(np.isfinite(problem.searching), problem.searching, problem.cap)
-        limit = np.clip(asked, *problem.rate_box)
+        asked = np.clip(problem.searching, *problem.rate_box)
+        limit = np.where(np.isfinite(problem.searching), asked, problem.box[1])
         return allocation(problem, limit, np.nan, CASE_A, time.perf_counter() - started)
     shares, mark = in_shares(problem)
     answer = solve(shares)
@@ -105,22 +105,19 @@ def answer_wear(
     return allocation(problem, limit, np.nan, CASE_B, spent, answer.status)
 
 
-def _register(name: str, description: str, solve: Callable[..., Allocation], colour: str, marker: str,
-              law: object = None) -> Rule:  # fmt: skip
-    rule = Rule(
-        name, description, partial(answer_wear, solve), law, trigger=Trigger.TELEGRAM, caps=Caps.HELD,
-        colour=colour, marker=marker,
-    )  # fmt: skip
-    RULES.register(name, rule)
-    return rule
+def answer_by_filling(problem: AllocationProblem) -> Allocation:
+    """Limits of least wear by water filling, with or without limits on their rate of change."""
+    if problem.rate is not None:
+        return answer_wear(answer_exact, problem)
+    started = time.perf_counter()
+    limit = np.empty(problem.n)
+    level, reached = wear_law(units_of(problem), problem.expected, limit)
+    case = CASE_B if reached else CASE_A
+    return allocation(problem, limit, level, case, time.perf_counter() - started)
 
 
-WEAR = _register(
-    "wear", "the plan at the least wear: each unit the same share of what it has shown to carry", answer_exact,
-    "#6b4c9a", "d", wear_law,
+WEAR = Rule(
+    "wear", "the plan at the least wear: each unit the same share of what it has shown to carry", answer_by_filling,
+    wear_law, trigger=Trigger.TELEGRAM, caps=Caps.HELD, colour="#6d5e3d", marker="$W$",
 )  # fmt: skip
-_register("wear-qp", "wear as a quadratic program (OSQP)", partial(answer_by, OsqpProblem, "wear-qp"), "#b39ddb", "v")
-_register(
-    "wear-cvxpy", "wear stated in cvxpy: readable reference, slow", partial(answer_by, Formulation, "wear-cvxpy"),
-    "#311b92", "8",
-)  # fmt: skip
+RULES.register("wear", WEAR)

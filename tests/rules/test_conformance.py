@@ -19,7 +19,7 @@ ROUNDING = 1e-11
 PROMISED = {
     "exact": {"exact", "qp", "qp-daqp", "qp-cvxpy", "qp-robust", "cooperative", "oracle"},
     "reference": {"greedy", "greedy-printed", "greedy-literal", "greedy-tuned"},
-    "heuristic": {"alone", "preset", "sharing", "greedy-claim"},
+    "heuristic": {"alone", "preset", "sharing", "greedy-claim", "wear", "wear-qp", "wear-cvxpy"},
 }
 
 

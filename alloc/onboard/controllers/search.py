@@ -40,9 +40,7 @@ def perturb_observe_unit(eq, st, m, p, k, j, commanded):
         if math.isnan(k.last_coefficient[j]):
             step = math.copysign(p.step, k.step[j])
         else:
-            worth = coefficient * (1.0 - p.friction_price * slip)
-            before = k.last_coefficient[j] * (1.0 - p.friction_price * k.last_slip[j])
-            step = perturbed_step(k.step[j], worth - before, p.step)
+            step = perturbed_step(k.step[j], coefficient - k.last_coefficient[j], p.step)
         move_reference(p, k, j, step, coefficient, slip)
     return hold_slip_of_unit(
         eq, st, m, st.law.creep, k.allowed, k.reference[j], m.worst_slip[j], j, commanded
@@ -76,16 +74,9 @@ class PerturbObserve(BuiltInController, remembered=REMEMBERED):
     """Least reference [m/s]. Source: assumed."""
     highest: float = quantity(0.5, "km/h")
     """Greatest reference [m/s]. Source: assumed."""
-    friction_price: float = quantity(0.0, "s/m")
-    """Relative loss of the coefficient that is accepted to avoid a slip of 1 m/s [s/m], as of the MPC's search."""
 
     def __post_init__(self) -> None:
-        OnboardError.check(
-            "perturb-observe",
-            self,
-            ("interval", "step", "lowest", "highest"),
-            nonnegative=("friction_price",),
-        )
+        OnboardError.check("perturb-observe", self, ("interval", "step", "lowest", "highest"))
         OnboardError.check_order("perturb-observe", self, "lowest", "highest")
 
 
