@@ -52,8 +52,11 @@ EXPECTED = 0.170
 HIGH, LOW = 0.160, 0.145
 """Coefficient found by the foremost unit: above and below the value at which the train can just meet the plan."""
 DOT: Look = {"marker": "o", "markersize": 3.2, "linestyle": "none"}
-SAME = ("qp-daqp", "qp-robust", "greedy-printed", "greedy-literal", "greedy-tuned", "cooperative")
-"""Rules that answer as others where they are only called: as `qp`, `greedy` and `exact`."""
+SAME = (
+    "qp-daqp", "qp-robust", "greedy-printed", "greedy-literal", "greedy-tuned", "cooperative", "wear", "wear-qp",
+    "wear-cvxpy",
+)  # fmt: skip
+"""Rules that answer as others where they are only called, as `qp`, `greedy` and `exact`; and those that need marks of a run."""
 SHOWN = tuple(name for name in RULES if name not in SAME)
 """Rules shown."""
 

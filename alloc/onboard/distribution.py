@@ -29,13 +29,13 @@ torque themselves. One held at what it delivered on its way to the peak reaches 
 marks alone left the MPC 2.9 % of the effort behind on wide peaks (20 events of the curves, seed 0, `exact`)."""
 
 ROOM = 1.3
-"""The same for rules that know every unit's own mark: a search is not to meet the limit. Under (5) a unit's limit moves those
-behind it. `cooperative` asks a unit that slipped for `PROBE` all the same: cut-and-ramp would lose 0.7 points of the bound
-and ride 4.5 % worse (48 events with headroom, seeds 9200 and 9300)."""
+"""The same for rules that know every unit's own mark: a search is not to meet the limit. Under (5) a unit's limit moves
+those behind it. `cooperative` asks a unit that slipped for `PROBE` all the same: cut-and-ramp would lose 0.7 points of the
+bound and ride 4.5 % worse (48 events with headroom, seeds 9200 and 9300)."""
 
 FORGET_HELD, RISE_HELD = 2.0, 0.003
-"""The same two for rules that share in proportion to marks, which they then keep below: marks that rise faster would lead units
-back to their peaks, where wear is."""
+"""The same two for rules that share in proportion to marks, and then keep below them: marks that rise faster would lead
+units back to their peaks, where wear is."""
 
 SEARCHED = 1.2
 """Time [s] of a search that finds nothing better, after which a unit is held at the best that it found."""

@@ -263,19 +263,16 @@ RULES.register("qp-cvxpy", QP_CVXPY)
 # The program of least wear (`alloc.rules.wear`) in shares of the marks, by the same solvers.
 
 
-def _wear_by(kind: Callable[[int], Workspace], name: str, description: str, **look: str) -> None:
-    solve = partial(answer_by, kind, name)
-    form = replace(WEAR, name=name, description=description, law=None, **look)
-    RULES.register(name, replace(form, answer=partial(answer_wear, solve)))
-
-
-_wear_by(
-    OsqpProblem, "wear-qp", "wear as a quadratic program (OSQP)", colour="#145674", marker="$Q$"
-)
-_wear_by(
-    Formulation, "wear-cvxpy", "wear stated in cvxpy: readable reference, slow",
-    colour="#ae4006", marker="$C$",
+WEAR_QP = replace(
+    WEAR, name="wear-qp", description="wear as a quadratic program (OSQP)", law=None, colour="#145674", marker="$Q$",
+    answer=partial(answer_wear, partial(answer_by, OsqpProblem, "wear-qp")),
 )  # fmt: skip
+WEAR_CVXPY = replace(
+    WEAR, name="wear-cvxpy", description="wear stated in cvxpy: readable reference, slow", law=None, colour="#ae4006",
+    marker="$C$", answer=partial(answer_wear, partial(answer_by, Formulation, "wear-cvxpy")),
+)  # fmt: skip
+RULES.register("wear-qp", WEAR_QP)
+RULES.register("wear-cvxpy", WEAR_CVXPY)
 
 
 # Chance-constrained allocation: the rail carries every cap with a chosen probability; then the quadratic program as
