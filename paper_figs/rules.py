@@ -56,7 +56,7 @@ SAME = (
     "qp-daqp", "qp-robust", "greedy-printed", "greedy-literal", "greedy-tuned", "cooperative", "wear", "wear-qp",
     "wear-cvxpy",
 )  # fmt: skip
-"""Rules that answer as others where they are only called, as `qp`, `greedy` and `exact`; and those that need marks of a run."""
+"""Rules that answer as `qp`, `greedy` and `exact` where they are only called; and those that need the marks of a run."""
 SHOWN = tuple(name for name in RULES if name not in SAME)
 """Rules shown."""
 

@@ -234,8 +234,8 @@ class Grid:
 DEFAULT_SEEDS = 5
 """Seeds of every event in which something is drawn; the first, 0, is the event as its file states it."""
 SLOW_RULES = ("qp-daqp", "qp-cvxpy", "qp-robust", "wear-qp", "wear-cvxpy")
-"""Rules left out unless asked for, because they repeat `qp` or `wear`. Those of cvxpy take milliseconds a call. The answer of
-`qp-robust` differs only where the train believes in deviations of its caps, which no shipped scenario does."""
+"""Rules left out unless asked for, because they repeat `qp` or `wear`. Those of cvxpy take milliseconds a call. The answer
+of `qp-robust` differs only where the train believes in deviations of its caps, which no shipped scenario does."""
 SLOW_CONTROLLER = "mpc"
 """What joins in where nothing is said about controllers, on the first seed alone: it takes tens of times as long as what is
 compiled into the loop."""
