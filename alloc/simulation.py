@@ -73,6 +73,8 @@ class _RuleInPython:
             delivered=np.maximum(m.delivered, 0.0),
             truth=m.truth.copy(),
             deviation=m.learnt.deviation.copy(),
+            mark=m.mark.copy(),
+            upper_bound=m.upper_bound.copy(),
         )
         answer = self.rule(problem)
         if not isinstance(answer, Allocation) or not np.all(
