@@ -162,13 +162,21 @@ def _grown(increments: dict[str, Any], scale: float) -> dict[str, Any]:
 
 
 BASE, BOUND = "alone", "oracle"
-RULES = (BASE, "uniform", "erp", "greedy", "exact", "cooperative", BOUND)
+RULES = (BASE, "uniform", "erp", "greedy", "exact", "cooperative", "wear", BOUND)
 """Rules that every event meets."""
-FEW = (BASE, "uniform", "cooperative", BOUND)
+FEW = (BASE, "uniform", "cooperative", "wear", BOUND)
 """Those that it meets under a controller that lives in Python."""
 WORSE = 0.003
 """Use of the bound lost from which on an event counts as worse."""
-NUMBERS = ("bound_use", "over_delivery", "headroom", "slip_time", "damage", "jerk_rms")
+NUMBERS = (
+    "bound_use",
+    "over_delivery",
+    "headroom",
+    "slip_time",
+    "damage",
+    "excess_damage",
+    "jerk_rms",
+)
 COSTS = headroom_study.COSTS
 STRATA: Mapping[str, str] = {
     **{name: f"kind == '{name}'" for name in KINDS},
