@@ -68,11 +68,10 @@ class InFmpy:
 def commands(layout, seed):
     """Torques and brakes at random, of every period."""
     generator = np.random.default_rng(seed)
-    size = round(SECONDS / PERIOD), 1
-    hold = lambda rows: np.repeat(rows, 50, axis=0)[: size[0]]  # noqa: E731
+    hold = lambda rows: np.repeat(rows, 50, axis=0)[: round(SECONDS / PERIOD)]  # noqa: E731
     drawn = hold(generator.random((9, layout.units)))
     torque = 3000.0 * drawn if seed % 2 else -2500.0 * drawn
-    pressure = 2e5 * hold(generator.random((9, layout.groups))) * (1 - seed % 2)
+    pressure = 4e5 * hold(generator.random((9, layout.groups))) * (1 - seed % 2)
     valve = hold(generator.integers(0, 3, (9, layout.groups))).astype(float)
     sand = hold(generator.integers(0, 2, (9, layout.sanders))) * 0.02
     return torque, pressure, valve, sand
@@ -81,7 +80,7 @@ def commands(layout, seed):
 CHANGES = {
     "wet-patch": {"motors": {"rotor_inertia_kgm2": 1.0}},  # drives that twist
     "freight-start": {},  # cars that move apart
-    "wet-stop": {"train": "gb-unit-8car", "rail": {"level": 0.03}},  # sanders, and no motors
+    "wet-stop": {"train": "gb-unit-8car"},  # sanders, and no motors
     "scattered-rail": {
         "rail": {"conditioning": 0.3},
         "initial_speed_kmh": 40.0,
