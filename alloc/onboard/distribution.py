@@ -94,8 +94,8 @@ def _update_demonstrated(st, m):
     Without any slip there is room above: trying costs nothing, and a search must not meet its limit.
     """
     period = st.telegrams.ticks * st.period
-    own, held = _by_unit(st), st.rule.caps == Caps.HELD
-    forget, rise = (FORGET_HELD, RISE_HELD) if held else (FORGET, RISE)
+    own = _by_unit(st)
+    forget, rise = (FORGET_HELD, RISE_HELD) if st.rule.caps == Caps.HELD else (FORGET, RISE)
     for j in range(m.cap.size):
         got = m.delivered[j]
         slipped = m.report.slipped_at[j] >= m.report.limited_at[j] - st.hold_time
@@ -105,7 +105,7 @@ def _update_demonstrated(st, m):
             m.demonstrated[j] = max(
                 got, m.demonstrated[j] + (got - m.demonstrated[j]) * period / forget
             )
-            room = ROOM if held or (own and not slipped) else PROBE
+            room = ROOM if own and not slipped else PROBE
             m.upper_bound[j] = max(m.demonstrated[j], room * got)
         else:
             m.demonstrated[j] = max(m.demonstrated[j] + rise * m.train.expected[0] * period, got)
@@ -130,7 +130,7 @@ def _mark_and_hold(m, period):
             h.best[j] = h.since[j] = h.left[j] = 0.0
             continue
         if h.left[j] == 0.0:
-            m.upper_bound[j] = max(m.upper_bound[j], expected)
+            m.upper_bound[j] = max(m.demonstrated[j], ROOM * got, expected)
             h.since[j] = h.since[j] + period if m.limited[j] else 0.0
             if m.limited[j] and got > (1.0 + BETTER) * h.best[j]:
                 h.best[j], h.since[j] = got, 0.0
