@@ -33,15 +33,11 @@ ROOM = 1.3
 those behind it. `cooperative` asks a unit that slipped for `PROBE` all the same: cut-and-ramp would lose 0.7 points of the
 bound and ride 4.5 % worse (48 events with headroom, seeds 9200 and 9300)."""
 
-FORGET_HELD, RISE_HELD = 2.0, 0.003
-"""The same two for rules that share in proportion to marks, and then keep below them: marks that rise faster would lead
-units back to their peaks, where wear is."""
-
 SEARCHED = 1.2
 """Time [s] of a search that finds nothing better, after which a unit is held at the best that it found."""
 
-HOLD = 3.0
-"""Longest time [s] for which it is held there: the rail may have become better."""
+PAUSE = 3.0
+"""Longest time [s] for which its search then pauses: the rail may have become better."""
 
 BETTER = 0.004
 """Growth of what a unit delivers that counts as better: less is noise."""
@@ -94,8 +90,7 @@ def _update_demonstrated(st, m):
     Without any slip there is room above: trying costs nothing, and a search must not meet its limit.
     """
     period = st.telegrams.ticks * st.period
-    own, held = _by_unit(st), st.rule.caps == Caps.HELD
-    forget, rise = (FORGET_HELD, RISE_HELD) if held else (FORGET, RISE)
+    own = _by_unit(st)
     for j in range(m.cap.size):
         got = m.delivered[j]
         slipped = m.report.slipped_at[j] >= m.report.limited_at[j] - st.hold_time
@@ -103,12 +98,12 @@ def _update_demonstrated(st, m):
             if np.isinf(m.demonstrated[j]):
                 m.demonstrated[j] = got
             m.demonstrated[j] = max(
-                got, m.demonstrated[j] + (got - m.demonstrated[j]) * period / forget
+                got, m.demonstrated[j] + (got - m.demonstrated[j]) * period / FORGET
             )
-            room = ROOM if held or (own and not slipped) else PROBE
+            room = ROOM if own and not slipped else PROBE
             m.upper_bound[j] = max(m.demonstrated[j], room * got)
         else:
-            m.demonstrated[j] = max(m.demonstrated[j] + rise * m.train.expected[0] * period, got)
+            m.demonstrated[j] = max(m.demonstrated[j] + RISE * m.train.expected[0] * period, got)
             m.upper_bound[j] = m.demonstrated[j] if slipped else max(m.demonstrated[j], PROBE * got)
 
 
@@ -130,16 +125,16 @@ def _mark_and_hold(m, period):
             h.best[j] = h.since[j] = h.left[j] = 0.0
             continue
         if h.left[j] == 0.0:
-            m.upper_bound[j] = max(m.upper_bound[j], expected)
+            m.upper_bound[j] = max(m.demonstrated[j], ROOM * got, expected)
             h.since[j] = h.since[j] + period if m.limited[j] else 0.0
             if m.limited[j] and got > (1.0 + BETTER) * h.best[j]:
                 h.best[j], h.since[j] = got, 0.0
             if h.since[j] > SEARCHED:
-                h.left[j], h.missed[j] = HOLD, 0.0
+                h.left[j], h.missed[j] = PAUSE, 0.0
         if h.left[j] > 0.0:
             m.upper_bound[j] = max(h.best[j], got)
             h.left[j] = max(h.left[j] - period, 0.0)
-            if h.left[j] < HOLD - 2.0 * MISSED:
+            if h.left[j] < PAUSE - 2.0 * MISSED:
                 h.missed[j] = h.missed[j] + period if m.limited[j] else 0.0
             missed = h.missed[j] > MISSED
             if missed or h.left[j] == 0.0:
