@@ -7,7 +7,7 @@ import pytest
 from alloc.plant.model import offered_by
 from studies.core.drawn_events import START_SPEED
 from studies.core.statement import CONDITIONS, FAILS, HOLDS
-from studies.patent.broad_study import (
+from studies.ladder.broad_study import (
     BROAD,
     EVENTS,
     FASTEST,
