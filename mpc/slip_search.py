@@ -79,6 +79,8 @@ UNTESTED = 0.2
 """Time [s] after which a peak is doubted that limits torque while slip stays far below the slip sought."""
 FULL = 0.9
 """Share of that peak above which it does so."""
+WITHIN_NOISE = 2.0
+"""The same in deviations of the coefficient by noise: how far below that share a peak is still used up."""
 DOUBTED_RISE = 8.0
 """Logarithmic speed [1/s] at which it then rises."""
 FALLING = -0.5
@@ -101,14 +103,17 @@ def runs_away(search, axles, noise):
 
 
 @inlined
-def doubt_peaks(search, axles, follows):
-    """Raise peaks that limit the torque and that no slip shows; `follows`: whether slip is near the one sought."""
+def doubt_peaks(search, axles, follows, felt):
+    """Raise peaks that limit the torque and that no slip shows; `follows`: whether slip is near the one sought.
+
+    `felt`: deviation of a coefficient by noise. A peak within it of nothing would never seem to be used up.
+    """
     pace, state = search.pace, search.state[0]
     weakest = 0
     for i in range(axles.peak.size):
         if axles.peak[i] < axles.peak[weakest]:
             weakest = i
-    used = axles.coefficient[weakest] > FULL * axles.peak[weakest]
+    used = axles.coefficient[weakest] + WITHIN_NOISE * felt > FULL * axles.peak[weakest]
     # noise of so small a force makes single readings doubtful
     below = state.below + (pace.period if used else -pace.period)
     state.below = 0.0 if follows else max(below, 0.0)
@@ -196,7 +201,7 @@ MEAN_TIME = 0.2
 NOISE_TIME = 1.0
 """Time [s] over which the variance across the answer is taken."""
 ANSWER_LAG = 0.015
-"""Time [s] by which slip follows its limit, the filter of the pairs apart."""
+"""Time [s] by which slip follows its limit, apart from the filter of the pairs and the lag of the motors."""
 SETTLED = 0.2
 """Time [s] of limitation after which the search goes on."""
 AT_LIMIT = 0.5
@@ -257,7 +262,7 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> UnitSe
         return -math.expm1(-dt / time)
 
     turning = 2.0 * math.pi / settings.swing_time
-    lag = math.atan(turning / pole) + turning * ANSWER_LAG
+    lag = math.atan(turning / pole) + math.atan(turning * context.torque_lag) + turning * ANSWER_LAG
     pace = numbers_of(
         settings,
         period=float(dt),
@@ -371,7 +376,7 @@ def search_slip(search, axles, curve, felt, noise, limited):
     follows = slip > AT_LIMIT * state.slip
     # a peak believed can hold slip a little below its limit: then no swing is answered, and slip stays where it is
     binds = slip > BINDS * state.slip or state.certainty > HARDLY
-    doubt_peaks(search, axles, follows and binds)
+    doubt_peaks(search, axles, follows and binds, felt)
     if i < 0:
         return
     wanted, rough = pace.friction_price * state.slip, noise / slip
