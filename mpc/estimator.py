@@ -186,9 +186,9 @@ def mean_noise(axles):
 #
 #     x = (e + sqrt(1 - e (1 + e) r s)) / (1 + e),    s_p = s / x.
 #
-# As long as no elasticity was heard, the curve is taken for one of `USUAL_STEEPNESS`, whose s_p = n / r. That is `top`. Where
-# it lies below the s_p assumed before any reading, a steep slope may as well be that of a steep curve, as Polach's are: `top`
-# then is the geometric mean of both.
+# As long as no elasticity was heard, the curve is taken for one of `USUAL_STEEPNESS`, whose s_p = n / r. That is `top`.
+# Where it lies below the s_p assumed before any reading, a steep slope may as well be that of a steep curve, as Polach's
+# are: `top` then is the geometric mean of both.
 # The MPC predicts, and reads its pairs, with a peak that lies `REACH` times beyond the slip sought at least
 # (`peak_slip`).
 
