@@ -288,7 +288,9 @@ def take_in_pairs(c, axles, curve, noise):
         share = n * x / below
         slope = peak * n * (1.0 - x * x) / (below * below * state.peak_slip)
         own = c.coefficient_error + c.relative_error * abs(coefficient)
-        of_slip = c.slip_error * c.slip_error + c.kept_noise * noise * noise
+        # the filter begins with one reading
+        kept = max(c.kept_noise, c.keep ** (2.0 * (axles.readings[i] - FIRST_READINGS - 1.0)))
+        of_slip = c.slip_error * c.slip_error + kept * noise * noise
         error = own * own + felt * felt + slope * slope * of_slip
         # while slip changes fast, the filtered pair lies beside the curve
         moving = 0.5 * slope * (axles.measured[i] - axles.slip[i])

@@ -105,7 +105,7 @@ def runs_away(search, axles, noise):
 
 
 @inlined
-def doubt_peaks(search, axles, follows, felt):
+def doubt_peaks(search, axles, follows, felt, ceiling):
     """Raise peaks that limit the torque and that no slip shows; `follows`: whether slip is near the one sought.
 
     `felt`: deviation of a coefficient by noise. A peak within it of nothing would never seem to be used up.
@@ -122,7 +122,7 @@ def doubt_peaks(search, axles, follows, felt):
     state.below = 0.0 if follows else max(below, 0.0)
     if state.below > UNTESTED:
         for i in range(axles.peak.size):
-            axles.peak[i] *= math.exp(DOUBTED_RISE * pace.period)
+            axles.peak[i] = min(axles.peak[i] * math.exp(DOUBTED_RISE * pace.period), ceiling)
 
 
 @inlined
@@ -364,11 +364,11 @@ def _elasticity(search, i, wanted, rough, follows):
 
 
 @inlined
-def search_slip(search, axles, curve, felt, noise, limited):
+def search_slip(search, axles, curve, felt, noise, limited, ceiling):
     """A control period of the search, which tells the `curve` what it hears.
 
     `noise`: deviation of measured slip [m/s], `felt`: that of a coefficient by it; `limited`: whether the unit gives
-    less than is wanted of it.
+    less than is wanted of it; `ceiling`: largest peak believed.
     """
     pace, state = search.pace, search.state[0]
     state.phase = (state.phase + pace.advance) % (2.0 * math.pi)
@@ -386,7 +386,7 @@ def search_slip(search, axles, curve, felt, noise, limited):
     follows = slip > AT_LIMIT * state.slip
     # a peak believed can hold slip a little below its limit: then no swing is answered, and slip stays where it is
     binds = slip > BINDS * state.slip or state.certainty > HARDLY
-    doubt_peaks(search, axles, follows and binds, felt)
+    doubt_peaks(search, axles, follows and binds, felt, ceiling)
     if i < 0:
         return
     wanted, rough = pace.friction_price * state.slip, noise / slip
