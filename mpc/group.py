@@ -118,18 +118,27 @@ class GroupProblem:
         return target if wanted <= allowed else target * (allowed / wanted)
 
 
+SPARED = 0.9
+"""Share of what a unit is believed to carry up to which the others relieve it: the last tenth doubles its slip, or more."""
+
+
 def even_split(
     target: Floats, carried: Floats, limit: Floats, scale: Floats, share: Floats
 ) -> Floats:
     """Torques [N m] that give the total of `target` at one coefficient, except for units that cannot; (units,).
 
-    This is the exact level that par. 0050 of JP5484215 names, with what the units are believed to carry as caps. For a unit
-    that has not slipped, that belief is a guess. Loads in proportion to it would send untested units to their peak; one
-    level asks no more of them than the total needs. `carried` and motor `limit` [N m], torque `scale` [N m] and `share` of
-    the mass, (units,).
+    This is the exact level that par. 0050 of JP5484215 names, with `SPARED` of what the units are believed to carry as caps.
+    The work lost at the wheels grows with the slip, so a unit goes nearer to its peak only as far as the others, each as
+    near to its own, do not reach the total. For a unit that has not slipped, that belief is a guess. Loads in proportion to
+    it would send untested units to their peak; one level asks no more of them than the total needs. `carried` and motor
+    `limit` [N m], torque `scale` [N m] and `share` of the mass, (units,).
     """
-    split = np.empty_like(target)
-    exact_limits(carried / scale, float(share @ (target / scale)), share, limit / scale, split)
+    split, wanted = np.empty_like(target), float(share @ (target / scale))
+    exact_limits(SPARED * carried / scale, wanted, share, limit / scale, split)
+    left = np.minimum(carried, limit) / scale - split
+    missing = wanted - float(share @ split)
+    if missing > 0.0:
+        split += left * min(missing / max(float(share @ left), missing), 1.0)
     return split * scale
 
 
