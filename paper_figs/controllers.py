@@ -6,15 +6,21 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from alloc.metrics.registry import range_of
-from paper_figs.drawing import figure, study
+from alloc.onboard.host import CONTROLLERS
+from alloc.plant.adhesion import AdhesionCurve
+from alloc.recording import attributes_of
+from paper_figs.drawing import figure, made, recorded, study
 from paper_figs.style import (
+    BAND_GREY,
     BLUE,
     BOUND,
     DARK,
@@ -53,6 +59,7 @@ from studies.ladder.mismatch_study import (
     SOUGHT,
     difference,
 )
+from studies.scenario.scenario import load_scenario
 
 FEW_OF_LADDER, FEW_OF_CURVES, FEW_OF_MISMATCH = 6, 4, 2
 """Events that are run for a figure where the results have fewer: one or two of each train."""
@@ -168,6 +175,94 @@ def curves(table: pd.DataFrame) -> Figure:
     for panel, one in zip(CURVE_PANELS, axes[-1], strict=True):
         one.set_xlabel(panel.label)
     legend_below(drawn, [handle(curve, **look) for curve, look in CURVE_LOOKS.items()])
+    return drawn
+
+
+DROP_EVENT = "falling-adhesion"
+DROPPED = ("cut-and-ramp", "perturb-observe", "mpc")
+BEFORE, AFTER = 0.5, 4.0
+"""Time that is shown before the drop and after it [s]."""
+FALLEN = 0.99
+"""Share of the first adhesion below which it has dropped."""
+SLIPS = 400
+"""Points of a curve."""
+
+
+def curve_of(scenario: str) -> AdhesionCurve:
+    """Adhesion curve of a shipped scenario."""
+    return load_scenario(scenario).event().model.rail.curve
+
+
+@figure("adhesion-drop", "several controllers on one adhesion drop: adhesion used, slip and torque, and paths over the slip",
+        made(curve_of, DROP_EVENT), *(recorded(DROP_EVENT, "alone", one) for one in DROPPED))  # fmt: skip
+def adhesion_drop(curve: AdhesionCurve, *runs: xr.Dataset) -> Figure:
+    """The foremost axle with a motor as the adhesion falls everywhere at once; each unit is left to itself.
+
+    Left: what it uses of the adhesion there is, its slip beside that of the curve's peak, and its motor's torque. Right: a
+    panel per controller, force over slip on the curves before the drop (dashed) and after it; a ring is where it begins.
+    """
+    axle = int(np.flatnonzero(runs[0]["axle_unit"].values >= 0)[0])
+    unit = int(runs[0]["axle_unit"].values[axle])
+    time, there = runs[0]["time"].values, runs[0]["adhesion_limit"].values[:, axle]
+    drop = float(time[np.argmax(there < FALLEN * there[0])])
+    shown = (time >= drop - BEFORE) & (time <= drop + AFTER)
+    drawn, axes = new_panels(PAGE, 4.6, 3, 2, width_ratios=(1.7, 1.0), squeeze=False)
+    used, slips, torques = axes[:, 0]
+    for one in (slips, torques):
+        one.sharex(used)
+    for one in axes[1:, 1]:
+        one.sharex(axes[0, 1])
+        one.sharey(axes[0, 1])
+    used.fill_between(
+        time[shown], 0.0, there[shown], color=BAND_GREY, linewidth=0.0, label="adhesion available"
+    )
+    slips.plot(
+        time[shown],
+        runs[0]["peak_slip"].values[shown, axle],
+        label="slip at the curve's peak",
+        **BOUND,
+    )
+    most = max(float(run["slip_velocity"].values[shown, axle].max()) for run in runs)
+    slip = np.linspace(0.0, 1.1 * most, SLIPS)
+    speed = float(runs[0]["speed"].values[shown][0])
+    for run, path in zip(runs, axes[:, 1], strict=True):
+        name = attributes_of(run)["controller"]
+        look: Look = {"color": CONTROLLERS[name].colour, "linewidth": 0.9, "gid": name}
+        own = {key: run[key].values[shown, axle] for key in ("slip_velocity", "coefficient")}
+        used.plot(time[shown], own["coefficient"], **look)
+        slips.plot(time[shown], own["slip_velocity"], **look)
+        torques.plot(time[shown], run["motor_torque"].values[shown, unit], **look)
+        for level, dashes in ((there[shown][0], "--"), (there[shown].min(), "-")):
+            at = curve.coefficient(slip, level, speed)
+            path.plot(slip, at, color=DARK, linewidth=0.8, linestyle=dashes, gid="curve")
+        path.plot(own["slip_velocity"], own["coefficient"], **look)
+        begin = {
+            **look,
+            "marker": "o",
+            "markersize": 4.0,
+            "markerfacecolor": "white",
+            "gid": f"{name}, begin",
+        }
+        path.plot(own["slip_velocity"][:1], own["coefficient"][:1], **begin)
+        path.set_title(name, color=look["color"])
+        path.set_ylabel("coefficient [–]")
+    used.set(
+        ylabel="coefficient [–]",
+        title=f"axle {axle + 1} of {runs[0].sizes['axle']}",
+        xlim=time[shown][[0, -1]],
+    )
+    used.set_ylim(bottom=0.5 * float(there[shown].min()))
+    slips.set_ylabel("slip [m/s]")
+    torques.set(ylabel="motor torque [N m]", xlabel="time [s]")
+    axes[-1, 1].set_xlabel("slip [m/s]")
+    for one in (*axes[:-1, 0], *axes[:-1, 1]):
+        one.tick_params(axis="x", labelbottom=False)
+    names = [attributes_of(run)["controller"] for run in runs]
+    shown_marks = [handle(one, color=CONTROLLERS[one].colour, linewidth=1.2) for one in names]
+    legend_below(drawn, [
+        *shown_marks, Patch(facecolor=BAND_GREY, label="adhesion available"),
+        handle("slip at the curve's peak", **BOUND),
+    ])  # fmt: skip
     return drawn
 
 

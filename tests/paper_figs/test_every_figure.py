@@ -293,6 +293,31 @@ def it_shows_what_units_have_and_use(figure):
             assert there >= used.max() - 1e-9  # nobody uses more than there is
 
 
+@law("adhesion-drop")
+def its_paths_begin_on_the_curve_before_the_drop_and_end_on_the_lower_one(figure):
+    runs, curve = small_figures.drops(), small_figures.curve_of(small_figures.DROP_EVENT)
+    used, _, slips, _, torques, _ = figure.axes
+    (there,) = (one.get_paths()[0].vertices[:, 1] for one in used.collections)
+    for run, name, path in zip(runs, small_figures.DROPPED, figure.axes[1::2], strict=True):
+        lines = [
+            next(line for line in one.get_lines() if line.get_gid() == name)
+            for one in (used, slips, torques)
+        ]
+        assert {to_hex(line.get_color()) for line in lines} == {CONTROLLERS[name].colour}
+        shown = np.isin(run["time"].values, data(lines[0])[0])
+        axle = int(np.flatnonzero(run["axle_unit"].values == 0)[0])
+        slip = run["slip_velocity"].values[shown, axle]
+        np.testing.assert_array_equal(data(lines[1])[1], slip)
+        np.testing.assert_array_equal(data(lines[2])[1], run["motor_torque"].values[shown, 0])
+        assert data(lines[0])[1].max() <= there.max()
+        (own,) = (line for line in path.get_lines() if line.get_gid() == name)
+        along, force = data(own)
+        limit = run["adhesion_limit"].values[shown, axle]
+        for k in (0, -1):  # a rail that stands still
+            assert force[k] == pytest.approx(float(curve.coefficient(along[k], limit[k])), abs=2e-3)
+        assert limit[-1] < 0.8 * limit[0]
+
+
 @law("real-line")
 def its_run_lies_below_what_is_permitted_and_stops_are_named_as_points_passed_are(figure):
     one = small_figures.line_run()
