@@ -18,6 +18,7 @@ from alloc.plant.adhesion import PiecewiseCurve
 from paper_figs import rules
 from paper_figs.adhesion import PEAK
 from paper_figs.brakes import ACCUSED, FAULT
+from paper_figs.controllers import SEEKING
 from paper_figs.drawing import FIGURES
 from paper_figs.drawn_data import drawn_data
 from paper_figs.model import PLAN
@@ -42,6 +43,7 @@ from studies.comparison.summary import EFFORT, MOST_OVER, REFERENCE, summarise
 from studies.core.drawn_events import COMPARED, Arm
 from studies.core.statement import FAILS, HOLDS, LEAST_SHOWN
 from studies.files.study_error import StudyError
+from studies.ladder.mismatch_study import GIVEN, NOISES, RAILS
 from studies.patent.claims_study import CLAIM_STUDY, LAYERS
 from studies.patent.learning_study import TOLERANCE as LEARNT_WITHIN
 from studies.readhesion_paper.paper import DROP, RECOVERY
@@ -291,6 +293,26 @@ def it_shows_what_units_have_and_use(figure):
             np.testing.assert_allclose(lines["limit"], run["limit"].values[:, unit])
             (there,) = (one.get_paths()[0].vertices[:, 1].max() for one in one.collections)
             assert there >= used.max() - 1e-9  # nobody uses more than there is
+
+
+@law("mismatch")
+def its_lines_are_differences_over_the_noise_and_its_cells_the_given_slips(figure):
+    """In the made-up table every MPC uses two points more than cut-and-ramp, whose 90 % all others have."""
+    used, cells = figure.axes[: len(RAILS)], figure.axes[-1]
+    for axes in used:
+        lines = {
+            line.get_gid(): data(line)
+            for line in axes.get_lines()
+            if line.get_gid() and len(line.get_xdata()) > 1
+        }
+        assert set(lines) == {one.name for one in SEEKING}
+        for name, (noise, gain) in lines.items():
+            np.testing.assert_allclose(noise, NOISES, atol=2e-3)
+            np.testing.assert_allclose(gain, 2.0 * name.startswith("mpc"), atol=1e-9)
+    assert [round(float(text.get_text())) for text in cells.texts] == [92] * len(RAILS) * len(GIVEN)
+    assert all(
+        one.get_facecolor()[2] > one.get_facecolor()[0] for one in cells.patches
+    )  # blue: better
 
 
 @law("adhesion-drop")
