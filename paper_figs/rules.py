@@ -493,7 +493,7 @@ def information(table: pd.DataFrame) -> Figure:
 
 LEVEL_COLOURS = mpl.colormaps["viridis"]
 OF_INFORMATION = (
-    ("effort", "effort, less own sensors [% of the plan]", 100.0, 1),
+    ("effort", "effort over plan, less own sensors [%]", 100.0, 1),
     ("damage", "wheel damage, less own sensors [kJ]", 1.0, -1),
 )
 """Metric, label, factor to its unit, and the better side."""
