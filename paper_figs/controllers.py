@@ -1,45 +1,48 @@
 """Readhesion controllers over random events: from none to MPC, on several adhesion curves, with noise and delay."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from alloc.metrics.registry import range_of
-from paper_figs.drawing import figure, study
+from alloc.onboard.host import CONTROLLERS
+from alloc.plant.adhesion import AdhesionCurve
+from alloc.recording import attributes_of
+from paper_figs.drawing import figure, made, recorded, study
 from paper_figs.style import (
+    BAND_GREY,
     BLUE,
     BOUND,
     DARK,
     GREEN,
-    NOTE,
     PAGE,
     VERMILION,
     WORSE_TO_BETTER,
+    ZERO,
     Look,
     Panel,
     bare_rows,
     bare_table,
     controller_look,
-    counted,
     handle,
     interval_mark,
     legend_below,
     name_rows,
+    new_figure,
     new_panels,
     number_cell,
-    remark,
     zero_line,
 )
 from studies.core.drawn_events import complete
-from studies.core.statement import mean_interval
+from studies.core.statement import LEAST_SHOWN, mean_interval
 from studies.ladder.curves_study import CURVES, PAIRS, paired_difference
 from studies.ladder.ladder_study import LADDER, LOCOMOTIVE, YARDSTICKS
 from studies.ladder.mismatch_study import (
@@ -51,8 +54,10 @@ from studies.ladder.mismatch_study import (
     REFERENCE,
     SEARCHER,
     SOUGHT,
+    Setting,
     difference,
 )
+from studies.scenario.scenario import load_scenario
 
 FEW_OF_LADDER, FEW_OF_CURVES, FEW_OF_MISMATCH = 6, 4, 2
 """Events that are run for a figure where the results have fewer: one or two of each train."""
@@ -171,103 +176,190 @@ def curves(table: pd.DataFrame) -> Figure:
     return drawn
 
 
-class MetricPanel(NamedTuple):
-    """A metric's panel: title, factor to its unit, digits, what more of it is worth, the difference of full colour."""
-
-    metric: str
-    title: str
-    factor: float
-    form: str
-    worth: int
-    full: float
-
-
-class CellColumn(NamedTuple):
-    """A column of cells: the setting, its noise [km/h], and its name at the axis."""
-
-    setting: str
-    noise: float
-    name: str
+DROP_EVENT = "falling-adhesion"
+DROPPED = ("cut-and-ramp", "perturb-observe", "mpc")
+BEFORE, AFTER = 0.5, 4.0
+"""Time that is shown before the drop and after it [s]."""
+FALLEN = 0.99
+"""Share of the first adhesion below which it has dropped."""
+SLIPS = 400
+"""Points of a curve."""
 
 
-QUANTITIES = (
-    MetricPanel("utilisation_short", "adhesion used where short [%]", 100.0, "{:.1f}", 1, 10.0),
-    MetricPanel("damage", "wheel damage Q [kJ]", 1.0, "{:.0f}", -1, 100.0),
-    MetricPanel("slip_time", "slip over axles [s]", 1.0, "{:.1f}", -1, 10.0),
+def curve_of(scenario: str) -> AdhesionCurve:
+    """Adhesion curve of a shipped scenario."""
+    return load_scenario(scenario).event().model.rail.curve
+
+
+@figure("adhesion-drop", "several controllers on one adhesion drop: adhesion used, slip and torque, and paths over the slip",
+        made(curve_of, DROP_EVENT), *(recorded(DROP_EVENT, "alone", one) for one in DROPPED))  # fmt: skip
+def adhesion_drop(curve: AdhesionCurve, *runs: xr.Dataset) -> Figure:
+    """The foremost axle with a motor as the adhesion falls everywhere at once; each unit is left to itself.
+
+    Left: what it uses of the adhesion there is, its slip beside that of the curve's peak, and its motor's torque. Right: a
+    panel per controller, force over slip on the curves before the drop (dashed) and after it; a ring is where it begins.
+    """
+    axle = int(np.flatnonzero(runs[0]["axle_unit"].values >= 0)[0])
+    unit = int(runs[0]["axle_unit"].values[axle])
+    time, there = runs[0]["time"].values, runs[0]["adhesion_limit"].values[:, axle]
+    drop = float(time[np.argmax(there < FALLEN * there[0])])
+    shown = (time >= drop - BEFORE) & (time <= drop + AFTER)
+    drawn, axes = new_panels(PAGE, 4.6, 3, 2, width_ratios=(1.7, 1.0), squeeze=False)
+    used, slips, torques = axes[:, 0]
+    for one in (slips, torques):
+        one.sharex(used)
+    for one in axes[1:, 1]:
+        one.sharex(axes[0, 1])
+        one.sharey(axes[0, 1])
+    used.fill_between(
+        time[shown], 0.0, there[shown], color=BAND_GREY, linewidth=0.0, label="adhesion available"
+    )
+    slips.plot(
+        time[shown],
+        runs[0]["peak_slip"].values[shown, axle],
+        label="slip at the curve's peak",
+        **BOUND,
+    )
+    most = max(float(run["slip_velocity"].values[shown, axle].max()) for run in runs)
+    slip = np.linspace(0.0, 1.1 * most, SLIPS)
+    speed = float(runs[0]["speed"].values[shown][0])
+    for run, path in zip(runs, axes[:, 1], strict=True):
+        name = attributes_of(run)["controller"]
+        look: Look = {"color": CONTROLLERS[name].colour, "linewidth": 0.9, "gid": name}
+        own = {key: run[key].values[shown, axle] for key in ("slip_velocity", "coefficient")}
+        used.plot(time[shown], own["coefficient"], **look)
+        slips.plot(time[shown], own["slip_velocity"], **look)
+        torques.plot(time[shown], run["motor_torque"].values[shown, unit], **look)
+        for level, dashes in ((there[shown][0], "--"), (there[shown].min(), "-")):
+            at = curve.coefficient(slip, level, speed)
+            path.plot(slip, at, color=DARK, linewidth=0.8, linestyle=dashes, gid="curve")
+        path.plot(own["slip_velocity"], own["coefficient"], **look)
+        begin = {
+            **look,
+            "marker": "o",
+            "markersize": 4.0,
+            "markerfacecolor": "white",
+            "gid": f"{name}, begin",
+        }
+        path.plot(own["slip_velocity"][:1], own["coefficient"][:1], **begin)
+        path.set_title(name, color=look["color"])
+        path.set_ylabel("coefficient [–]")
+    used.set(
+        ylabel="coefficient [–]",
+        title=f"axle {axle + 1} of {runs[0].sizes['axle']}",
+        xlim=time[shown][[0, -1]],
+    )
+    used.set_ylim(bottom=0.5 * float(there[shown].min()))
+    slips.set_ylabel("slip [m/s]")
+    torques.set(ylabel="motor torque [N m]", xlabel="time [s]")
+    axes[-1, 1].set_xlabel("slip [m/s]")
+    for one in (*axes[:-1, 0], *axes[:-1, 1]):
+        one.tick_params(axis="x", labelbottom=False)
+    names = [attributes_of(run)["controller"] for run in runs]
+    shown_marks = [handle(one, color=CONTROLLERS[one].colour, linewidth=1.2) for one in names]
+    legend_below(drawn, [
+        *shown_marks, Patch(facecolor=BAND_GREY, label="adhesion available"),
+        handle("slip at the curve's peak", **BOUND),
+    ])  # fmt: skip
+    return drawn
+
+
+MISMATCH_PANELS = (
+    Panel("utilisation_short", "adhesion used [%]", 100.0),
+    Panel("damage", "wheel damage Q [kJ]"),
+    Panel("slip_time", "slip over axles [s]"),
 )
-WHOSE = ("½", "1", "1½", "piece-\nwise", "Pol.\nwet", "slip\nratio")
-"""Names of the given slips at the axis: shares of that of the rail's own peak, then curves whose peak it is."""
-GIVEN_COLUMNS = [CellColumn(one.name, MIDDLE, name) for one, name in zip(GIVEN, WHOSE, strict=True)]
-GROUPS: dict[str, Sequence[CellColumn]] = {
-    **{
-        title: [CellColumn(one.name, noise, f"{noise:g}") for noise in NOISES]
-        for title, one in {
-            REFERENCE.name: REFERENCE,
-            SEARCHER.name: SEARCHER,
-            "mpc": SOUGHT,
-            "mpc,\na period late": DELAYED,
-        }.items()
-    },
-    "mpc at\nown peak ×": GIVEN_COLUMNS[:3],
-    "mpc at\npeak of": GIVEN_COLUMNS[3:],
+SEEKING = (SEARCHER, SOUGHT, DELAYED)
+"""Settings that seek the best slip, each drawn over the noise."""
+SEEKING_LOOKS: dict[str, Look] = {
+    SEARCHER.name: {"linestyle": "-"},
+    SOUGHT.name: {"linestyle": "-"},
+    DELAYED.name: {"linestyle": "--", "markerfacecolor": "white"},
 }
-"""Groups of columns from left to right."""
-GAP = 0.35
-"""Between two groups, in columns."""
-PLACED = [(k + GAP * g, one) for k, (g, one) in enumerate(
-    (g, one) for g, group in enumerate(GROUPS.values()) for one in group
-)]  # fmt: skip
-"""Columns with their places along the axis."""
+GIVEN_NAMES = ("½", "1", "1½", "piecewise", "Polach\nwet", "slip\nratio")
+"""Names of the given slips at the axis: shares of that of the rail's own peak, then curves whose peak it is."""
+WORST = 10.0
+"""Difference in the adhesion used of the strongest colour [%]."""
 
 
 @figure("mismatch", "the MPC by curve, noise, computing time and given slip (sweep mismatch)",
         study("mismatch", FEW_OF_MISMATCH))  # fmt: skip
 def mismatch(table: pd.DataFrame) -> Figure:
-    """A panel per metric: means over events, and below them how far the difference from cut-and-ramp is known.
+    """Above: means of paired differences from cut-and-ramp over the noise of measured speeds, with their intervals.
 
-    That is half of the 95 % interval of the mean paired difference, with the same noise. Blue is better, orange worse; a
-    cell is white where the interval contains no difference.
+    A column per adhesion curve, a row per metric; each panel has a scale of its own. Below: mean adhesion used by an MPC
+    whose slip is given, at 0.02 km/h of noise. Blue is better than cut-and-ramp, orange worse; a cell is white where the
+    interval of the difference includes zero.
     """
     good = table[table["status"] == "ok"]
-    drawn, axes = new_panels(PAGE, 7.4, len(QUANTITIES), 1, sharex=True)
-    for quantity, one in zip(QUANTITIES, axes, strict=True):
-        _cells(one, quantity, good)
-    remark(axes[0], "±: half the interval of the difference from cut-and-ramp, event by event.")
-    names = [column.name for _, column in PLACED]
-    axes[-1].set_xticks([x for x, _ in PLACED], names, fontsize=NOTE)
-    axes[-1].set_xlabel(f"noise of measured speeds, at given slips {MIDDLE:g} [km/h]")
-    for title, group in GROUPS.items():
-        middle = np.mean([x for x, column in PLACED if column in group])
-        look = {"va": "bottom", "fontsize": NOTE, "color": DARK, "linespacing": 1.0}
-        axes[0].text(middle, -0.6, title, ha="center", **look)
-    drawn.suptitle(
-        "blue: better than cut-and-ramp with the same noise; orange: worse; white: no difference known",
-    )
+    drawn = new_figure(PAGE, 6.6)
+    above, below = np.asarray(drawn.subfigures(2, 1, height_ratios=[2.3, 1.0])).tolist()
+    axes = above.subplots(len(MISMATCH_PANELS), len(RAILS), sharex=True)
+    for panel, row in zip(MISMATCH_PANELS, axes, strict=True):
+        for curve, one in zip(RAILS, row, strict=True):
+            for k, setting in enumerate(SEEKING):
+                _over_noise(one, panel, good, curve, setting, 0.0012 * (k - 1))
+            one.axhline(0.0, color=ZERO, linewidth=0.8, zorder=0)
+            one.locator_params(axis="y", nbins=4)
+        row[0].set_ylabel(panel.label)
+    for curve, top, bottom in zip(RAILS, axes[0], axes[-1], strict=True):
+        top.set_title(curve, loc="center")
+        bottom.set_xticks(NOISES, [f"{noise:g}" for noise in NOISES])
+    axes[-1, len(RAILS) // 2].set_xlabel("noise of measured speeds [km/h]")
+    above.suptitle(f"less {REFERENCE.name}'s")
+    handles = [handle(one.name, color=_seeking_look(one)["color"], marker=_seeking_look(one)["marker"],
+                      **SEEKING_LOOKS[one.name]) for one in SEEKING]  # fmt: skip
+    legend_below(above, handles)
+    _given(below.subplots(), good)
     return drawn
 
 
-def _cells(axes: Axes, panel: MetricPanel, good: pd.DataFrame) -> None:
-    """A cell per curve and column: the mean as a number, its difference from the reference as a colour."""
-    scale = Normalize(-panel.full, panel.full)
-    mean = good.groupby(["curve", "noise", "setting"])[panel.metric].mean()
+def _seeking_look(setting: Setting) -> Look:
+    return controller_look(setting.controller) | SEEKING_LOOKS[setting.name] | {"gid": setting.name}
+
+
+def _over_noise(
+    axes: Axes, panel: Panel, good: pd.DataFrame, curve: str, setting: Setting, shift: float
+) -> None:
+    """Differences from the reference with the same noise, joined by a line."""
+    found = {
+        noise: mean_interval(difference(good, curve, noise, setting.name, REFERENCE.name, panel.metric).dropna())
+        for noise in NOISES
+    }  # fmt: skip
+    look = _seeking_look(setting) | {"linewidth": 0.9, "elinewidth": 0.8, "markersize": 3.2}
+    for noise, one in found.items():
+        if one.count:
+            interval_mark(
+                axes, one, noise + shift, panel.factor, look | {"linestyle": "none"}, upright=True
+            )
+    known = {noise + shift: panel.factor * one.value for noise, one in found.items() if one.count}
+    line = {key: look[key] for key in ("color", "linestyle", "linewidth", "gid")}
+    axes.plot(list(known), list(known.values()), **line)
+
+
+def _given(axes: Axes, good: pd.DataFrame) -> None:
+    """A cell per curve and given slip: the mean as a number, its difference from the reference as a colour."""
+    panel, scale = MISMATCH_PANELS[0], Normalize(-WORST, WORST)
     for y, curve in enumerate(RAILS):
-        for x, column in PLACED:
-            own = (curve, column.noise, column.setting)
-            if own not in mean.index:
+        for x, setting in enumerate(GIVEN):
+            rows = good[(good["curve"] == curve) & (good["noise"] == MIDDLE)]
+            own = rows.loc[rows["setting"] == setting.name, panel.metric].dropna()
+            if own.empty:
                 continue
-            other = mean_interval(difference(good, *own, REFERENCE.name, panel.metric))
-            known = column.setting != REFERENCE.name and other.count > 1
-            decided = known and not other.low <= 0.0 <= other.high
-            worth = 0.5
-            if decided or other.count == 1:
-                worth = float(scale(panel.worth * panel.factor * other.value))
-            words = panel.form.format(panel.factor * mean[own])
-            if known:
-                counted(axes, [other])
-                half = panel.factor * 0.5 * (other.high - other.low)
-                words += "\n±" + (panel.form if half < 10.0 else "{:.0f}").format(half)
-            number_cell(axes, x, y, (0.96, 0.96), worth, WORSE_TO_BETTER, words)
+            less = mean_interval(
+                difference(good, curve, MIDDLE, setting.name, REFERENCE.name, panel.metric).dropna()
+            )
+            open_ = less.count >= LEAST_SHOWN and less.low <= 0.0 <= less.high
+            worth = 0.5 if open_ or not less.count else float(scale(panel.factor * less.value))
+            number_cell(
+                axes, x, y, (0.96, 0.92), worth, WORSE_TO_BETTER, f"{panel.factor * own.mean():.1f}"
+            )
     name_rows(axes, list(RAILS))
-    axes.set(xlim=(-0.6, PLACED[-1][0] + 0.6), ylabel="adhesion curve")
+    axes.set_xticks(range(len(GIVEN)), GIVEN_NAMES)
+    axes.set(
+        xlim=(-0.5, len(GIVEN) - 0.5),
+        ylabel="adhesion curve",
+        xlabel="given slip: that of a curve's peak, or times that of the rail's own [–]",
+    )
+    axes.set_title("adhesion used where the slip is given [%]")
     bare_table(axes)
-    axes.set_title(panel.title, loc="left", pad=22 if panel is QUANTITIES[0] else 4)

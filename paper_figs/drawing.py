@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from inspect import getdoc
 from pathlib import Path
+from string import ascii_lowercase
 from textwrap import wrap
-from typing import Any, Generic, NamedTuple, ParamSpec
+from time import perf_counter
+from typing import Any, Generic, Literal, NamedTuple, ParamSpec
 
 import matplotlib as mpl
 import pandas as pd
@@ -42,6 +44,8 @@ DRAFT = "#b00000"
 """Colour of the line that marks a draft."""
 LINE, LETTER = 0.115, 0.052
 """Height of a line under a figure and width that a letter of it needs [inches]."""
+MOST_LETTERS = 9
+"""Panels that have letters; of more, rows and columns have names."""
 NOTHING = "nothing to draw:\nnone of these events\nbears on it"
 """In a panel without data."""
 
@@ -202,6 +206,7 @@ class FigureEntry(Generic[Data]):
                     f"figure {self.name!r} returns a {kind}; return the figure that new_panels gives"
                 )
             say_where_nothing_is_drawn(drawn)
+            letter_panels(drawn)
             if said := remarks(drawn, self.events):
                 add_strip(drawn, said)
             return drawn
@@ -320,6 +325,27 @@ def say_where_nothing_is_drawn(drawn: Figure) -> None:
             ).set_in_layout(False)  # fmt: skip
 
 
+def letter_panels(drawn: Figure) -> None:
+    """Put (a), (b), ... before the titles of two to `MOST_LETTERS` panels; a figure that names its parts itself stays."""
+    panels = [
+        one
+        for one in drawn.axes
+        if one.get_visible() and one.axison and one.get_label() != "<colorbar>"
+    ]
+    sides: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
+    own = [
+        *(one.get_title(side) for one in panels for side in sides),
+        *(one.get_ylabel() for one in panels),
+    ]
+    if not 2 <= len(panels) <= MOST_LETTERS or any(words.startswith("(a)") for words in own):
+        return
+    for letter, one in zip(ascii_lowercase, panels, strict=False):
+        side = next((side for side in sides if one.get_title(side)), "left")
+        texts: Any = one  # no public name gives a title as the text that it is
+        text = {"left": texts._left_title, "center": one.title, "right": texts._right_title}[side]
+        text.set_text(f"({letter}) {one.get_title(side)}".strip())
+
+
 def descriptions() -> dict[str, str]:
     """Every figure by name, and what it shows."""
     return {name: entry.description for name, entry in FIGURES.items()}
@@ -334,11 +360,19 @@ def draw_figures(
 ) -> list[Saved]:
     """Draw figures by name, or all without names, into `out`, each with its caption and its data.
 
-    What `results` lacks is run first, in `jobs` processes. Raises `StudyError` for a name that does not exist.
+    What `results` lacks is run first, in `jobs` processes. `on_row` is told of each run, and of each figure that is done.
+    Raises `StudyError` for a name that does not exist.
     """
     chosen = [FIGURES.find(name) for name in names or FIGURES]
     source = Source(Store(results), None, jobs, on_row)
-    return [_saved(entry, source, Path(out)) for entry in chosen]
+    written = []
+    for done, entry in enumerate(chosen, 1):
+        began = perf_counter()
+        saved = _saved(entry, source, Path(out))
+        written.append(saved._replace(seconds=perf_counter() - began))
+        if on_row is not None:
+            on_row(f"figure {entry.name}", done, len(chosen))
+    return written
 
 
 def draw_comparison(

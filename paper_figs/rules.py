@@ -513,7 +513,7 @@ def _least_damage(pairs: pd.DataFrame, controller: str) -> tuple[list[float], li
 LEAST = "least damage, by the truth"
 LEVEL_COLOURS = mpl.colormaps["viridis"]
 OF_INFORMATION = (
-    ("effort", "effort, less own sensors [% of the plan]", 100.0, 1),
+    ("effort", "effort over plan, less own sensors [%]", 100.0, 1),
     ("damage", "wheel damage, less own sensors [kJ]", 1.0, -1),
 )
 """Metric, label, factor to its unit, and the better side."""

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, LogLocator
 
 from alloc.metrics.registry import range_of
-from paper_figs.controllers import WORSE_TO_BETTER
 from paper_figs.drawing import figure, study
 from paper_figs.style import (
     BLUE,
@@ -22,6 +21,7 @@ from paper_figs.style import (
     PURPLE,
     SKY,
     VERMILION,
+    WORSE_TO_BETTER,
     Look,
     bare_rows,
     bare_table,
@@ -149,7 +149,7 @@ def _cells(axes: Axes, events: pd.DataFrame, column: str, names: Sequence[str]) 
     axes.set_xticks(range(len(CONTROLLERS)), [one.replace("-", "-\n", 1) for one in CONTROLLERS])
     axes.set_xlim(-0.6, len(CONTROLLERS) - 0.4)
     bare_table(axes)
-    axes.set_title(f"bound used by {column}, {SHOWN_RULE} [%]", loc="left")
+    axes.set_title(f"used by {column}, {SHOWN_RULE} [%]", loc="left")
 
 
 TRIAL_LOOKS: dict[tuple[int, str], Look] = dict(

@@ -107,7 +107,8 @@ def figures(
     """Draw figures as PDF and PNG, with the caption (txt) and the numbers drawn (CSV) beside each.
 
     A figure from fewer events than its study has by default is marked as a draft. The
-    draft, its caption and the terminal name the command that gives the full data.
+    draft, its caption and the terminal name the command that gives the full data. At the end
+    it says how long each figure took, with the runs that it needed.
 
     Parameters
     ----------
@@ -130,6 +131,10 @@ def figures(
     for one in written:
         for path in one.files:
             print(path)
+    if written:
+        slowest = sorted(written, key=lambda one: -one.seconds)
+        told = ", ".join(f"{one.name} {one.seconds:.1f} s" for one in slowest)
+        print(f"drawn in {sum(one.seconds for one in written):.1f} s: {told}", file=sys.stderr)
     drafts = [one for one in written if one.draft]
     for one in drafts:
         print(f"{one.name} is a {one.draft}", file=sys.stderr)

@@ -35,6 +35,8 @@ class Saved(NamedTuple):
     """PDF, PNG, caption and data."""
     draft: str
     """What it lacks and which command gives it; empty where it shows all."""
+    seconds: float = 0.0
+    """How long it took, with what was run for it."""
 
 
 class Asked(NamedTuple):

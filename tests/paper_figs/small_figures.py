@@ -19,6 +19,7 @@ from matplotlib.text import Text
 
 from alloc.plant.train import Coupler
 from paper_figs.brakes import FAULT, faulty_car, member_runs, slide_control
+from paper_figs.controllers import DROP_EVENT, DROPPED, adhesion_drop, curve_of
 from paper_figs.drawing import FIGURES
 from paper_figs.events import sharing_wanders, slip_event
 from paper_figs.lines import late_passages, line_position, real_line
@@ -127,6 +128,13 @@ def runs():
 
 
 @cache
+def drops():
+    """Runs of the adhesion drop until shortly after it."""
+    scenario = load_scenario(DROP_EVENT).changed(duration_s=8.0)
+    return [simulate_job(Job(scenario, "alone", one, 0)) for one in DROPPED]
+
+
+@cache
 def cases():
     """Cases A and B of the readhesion paper in both units at a tenth of its resolution."""
     return [
@@ -178,6 +186,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     **{name: partial(from_tables, name) for name in TABLES},
     "slip-event": lambda: slip_event(*runs()),
     "slip-replay": lambda: few_instants(slip_replay(a_train(), runs()[1])),
+    "adhesion-drop": lambda: adhesion_drop(curve_of(DROP_EVENT), *drops()),
     "sharing-wanders": lambda: sharing_wanders(*runs()),
     "readhesion-slip": lambda: readhesion_slip(*cases()),
     "readhesion-torque": lambda: readhesion_torque(*cases()),

@@ -125,7 +125,12 @@ def test_a_plugin_file_registers_a_figure(installed, tmp_path, monkeypatch):
     file.write_text(PLUGIN)
     use_plugins([file])
     assert gallery().descriptions()["plugged"] == "squares of the first numbers"
-    (saved,) = gallery().draw_figures(["plugged"], tmp_path / "out", tmp_path / "results")
+    told = []
+    (saved,) = gallery().draw_figures(
+        ["plugged"], tmp_path / "out", tmp_path / "results", 1, lambda *row: told.append(row)
+    )
+    assert told == [("figure plugged", 1, 1)]
+    assert saved.seconds > 0.0
     assert [path.suffix for path in saved.files] == [".pdf", ".png", ".txt", ".csv"]
     assert saved.files[3].read_text().splitlines()[-1] == "1,line,,,,,3,9"
     assert saved.draft == ""
@@ -325,6 +330,25 @@ def test_few_events_and_one_seed_are_drawn_too(tmp_path):
         assert not any(text.get_text() == NOTHING for axes in drawn.axes for text in axes.texts)
 
 
+def test_panels_have_letters_unless_the_figure_has_its_own_or_too_many():
+    def titles(count, *own):
+        @figure(f"of {count} {own}", "panels with titles at their sides", made(str))
+        def lettered(_):
+            drawn, axes = new_panels(PAGE, 2.0, 1, count, squeeze=False)
+            for words, side, one in zip(own, ("left", "center", "right"), axes[0], strict=False):
+                one.set_title(words, loc=side)
+            axes[0, 0].figure.colorbar(mpl.cm.ScalarMappable(), ax=axes[0, 0])
+            return drawn
+
+        shown = [one for one in lettered("").axes if one.get_label() != "<colorbar>"]
+        return ["".join(map(one.get_title, ("left", "center", "right"))) for one in shown]
+
+    assert titles(1, "alone") == ["alone"]
+    assert titles(4, "one", "two", "three") == ["(a) one", "(b) two", "(c) three", "(d)"]
+    assert titles(2, "(a) its own") == ["(a) its own", ""]
+    assert titles(10, "one") == ["one", *[""] * 9]
+
+
 def test_an_empty_panel_says_why():
     figure = new_figure(PAGE, 2.0)
     full, bare, _ = figure.subplots(1, 3)
@@ -340,8 +364,8 @@ def test_the_terminal_names_the_drafts_and_what_gives_the_rest(monkeypatch, caps
         def draw_figures(self, names, out, results, jobs, on_row):
             draft = "draft: 6 of 30 events; in full: readhesion sweep ladder"
             return [
-                Saved("ladder", (out / "ladder.png",), draft),
-                Saved("sanders", (out / "sanders.png",), ""),
+                Saved("ladder", (out / "ladder.png",), draft, 2.0),
+                Saved("sanders", (out / "sanders.png",), "", 3.5),
             ]
 
     monkeypatch.setattr(loader, "gallery", Drawing)
@@ -350,7 +374,8 @@ def test_the_terminal_names_the_drafts_and_what_gives_the_rest(monkeypatch, caps
     assert [line.rsplit("/")[-1] for line in out.splitlines()] == ["ladder.png", "sanders.png"]
     assert "ladder is a draft: 6 of 30 events; in full: readhesion sweep ladder" in err
     assert f"add --out {tmp_path}" in err
-    assert "sanders" not in err
+    assert "drawn in 5.5 s: sanders 3.5 s, ladder 2.0 s" in err  # the slowest first
+    assert "sanders is a draft" not in err
 
 
 def test_a_figure_of_one_run_names_the_command_that_made_it_and_stands_alone(tmp_path):

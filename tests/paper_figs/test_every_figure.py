@@ -18,6 +18,7 @@ from alloc.plant.adhesion import PiecewiseCurve
 from paper_figs import rules
 from paper_figs.adhesion import PEAK
 from paper_figs.brakes import ACCUSED, FAULT
+from paper_figs.controllers import SEEKING
 from paper_figs.drawing import FIGURES
 from paper_figs.drawn_data import drawn_data
 from paper_figs.model import PLAN
@@ -42,6 +43,7 @@ from studies.comparison.summary import EFFORT, MOST_OVER, REFERENCE, summarise
 from studies.core.drawn_events import COMPARED, Arm
 from studies.core.statement import FAILS, HOLDS, LEAST_SHOWN
 from studies.files.study_error import StudyError
+from studies.ladder.mismatch_study import GIVEN, NOISES, RAILS
 from studies.patent.claims_study import CLAIM_STUDY, LAYERS
 from studies.patent.learning_study import TOLERANCE as LEARNT_WITHIN
 from studies.readhesion_paper.paper import DROP, RECOVERY
@@ -293,6 +295,51 @@ def it_shows_what_units_have_and_use(figure):
             assert there >= used.max() - 1e-9  # nobody uses more than there is
 
 
+@law("mismatch")
+def its_lines_are_differences_over_the_noise_and_its_cells_the_given_slips(figure):
+    """In the made-up table every MPC uses two points more than cut-and-ramp, whose 90 % all others have."""
+    used, cells = figure.axes[: len(RAILS)], figure.axes[-1]
+    for axes in used:
+        lines = {
+            line.get_gid(): data(line)
+            for line in axes.get_lines()
+            if line.get_gid() and len(line.get_xdata()) > 1
+        }
+        assert set(lines) == {one.name for one in SEEKING}
+        for name, (noise, gain) in lines.items():
+            np.testing.assert_allclose(noise, NOISES, atol=2e-3)
+            np.testing.assert_allclose(gain, 2.0 * name.startswith("mpc"), atol=1e-9)
+    assert [round(float(text.get_text())) for text in cells.texts] == [92] * len(RAILS) * len(GIVEN)
+    assert all(
+        one.get_facecolor()[2] > one.get_facecolor()[0] for one in cells.patches
+    )  # blue: better
+
+
+@law("adhesion-drop")
+def its_paths_begin_on_the_curve_before_the_drop_and_end_on_the_lower_one(figure):
+    runs, curve = small_figures.drops(), small_figures.curve_of(small_figures.DROP_EVENT)
+    used, _, slips, _, torques, _ = figure.axes
+    (there,) = (one.get_paths()[0].vertices[:, 1] for one in used.collections)
+    for run, name, path in zip(runs, small_figures.DROPPED, figure.axes[1::2], strict=True):
+        lines = [
+            next(line for line in one.get_lines() if line.get_gid() == name)
+            for one in (used, slips, torques)
+        ]
+        assert {to_hex(line.get_color()) for line in lines} == {CONTROLLERS[name].colour}
+        shown = np.isin(run["time"].values, data(lines[0])[0])
+        axle = int(np.flatnonzero(run["axle_unit"].values == 0)[0])
+        slip = run["slip_velocity"].values[shown, axle]
+        np.testing.assert_array_equal(data(lines[1])[1], slip)
+        np.testing.assert_array_equal(data(lines[2])[1], run["motor_torque"].values[shown, 0])
+        assert data(lines[0])[1].max() <= there.max()
+        (own,) = (line for line in path.get_lines() if line.get_gid() == name)
+        along, force = data(own)
+        limit = run["adhesion_limit"].values[shown, axle]
+        for k in (0, -1):  # a rail that stands still
+            assert force[k] == pytest.approx(float(curve.coefficient(along[k], limit[k])), abs=2e-3)
+        assert limit[-1] < 0.8 * limit[0]
+
+
 @law("real-line")
 def its_run_lies_below_what_is_permitted_and_stops_are_named_as_points_passed_are(figure):
     one = small_figures.line_run()
@@ -496,7 +543,7 @@ def test_a_comparison_without_the_reference_says_so_and_any_number_of_controller
         names = list(CONTROLLERS)[:count]
         table = comparison_table(tuple(names), scenarios=tuple(f"event {k}" for k in range(14)))
         drawn = rule_events(table)
-        assert [axes.get_title("left") for axes in drawn.axes] == names
+        assert [axes.get_title("left").split(") ")[-1] for axes in drawn.axes] == names
         assert drawn.get_size_inches()[1] <= 10.0
         (legend,) = rule_comparison(table).legends
         assert [text.get_text() for text in legend.get_texts()] == names
