@@ -340,7 +340,7 @@ def letter_panels(drawn: Figure) -> None:
     if not 2 <= len(panels) <= MOST_LETTERS or any(words.startswith("(a)") for words in own):
         return
     for letter, one in zip(ascii_lowercase, panels, strict=False):
-        side = next((side for side in sides if one.get_title(side)), "left")
+        side = next((side for side in sides if one.get_title(side)), sides[0])
         texts: Any = one  # no public name gives a title as the text that it is
         text = {"left": texts._left_title, "center": one.title, "right": texts._right_title}[side]
         text.set_text(f"({letter}) {one.get_title(side)}".strip())
