@@ -289,7 +289,8 @@ def take_in_pairs(c, axles, curve, noise):
         slope = peak * n * (1.0 - x * x) / (below * below * state.peak_slip)
         own = c.coefficient_error + c.relative_error * abs(coefficient)
         # the filter begins with one reading
-        kept = max(c.kept_noise, c.keep ** (2.0 * (axles.readings[i] - FIRST_READINGS - 1.0)))
+        later = axles.readings[i] - FIRST_READINGS - 1.0
+        kept = max(c.kept_noise, math.exp(2.0 * later * math.log(c.keep)))
         of_slip = c.slip_error * c.slip_error + kept * noise * noise
         error = own * own + felt * felt + slope * slope * of_slip
         # while slip changes fast, the filtered pair lies beside the curve
