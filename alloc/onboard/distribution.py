@@ -48,6 +48,9 @@ MISSED = 0.3
 AGAIN = 0.985
 """The best that counts for a new search, over what a unit delivers that missed, or over the old best."""
 
+MADE_UP = 0.03
+"""Largest shortfall of the train that units are asked to make up for beyond the plan, over the plan."""
+
 LEAST = 0.01
 """Least cap of a unit that works."""
 
@@ -140,6 +143,20 @@ def _mark_and_hold(m, period):
             if missed or h.left[j] == 0.0:
                 h.best[j] = AGAIN * (got if missed else h.best[j])
                 h.left[j] = h.since[j] = 0.0
+
+
+@inlined_jit
+def _units_shortfall(eq, m):
+    """What units that share in proportion to marks lack against the plan together, as a coefficient, `MADE_UP` at most.
+
+    Marks are of the past: a unit may deliver less than its share of them without being limited yet.
+    """
+    got, total = 0.0, 0.0
+    for j in range(m.cap.size):
+        got += eq.mass[j] * m.delivered[j]
+        total += eq.mass[j]
+    expected = m.train.expected[0]
+    return min(max(expected - got / total, 0.0), MADE_UP * expected)
 
 
 @inlined_jit
@@ -263,6 +280,7 @@ def _asked_on_limited(eq, st, m, time, tick, failed, blended):
             for j in range(m.cap.size):
                 m.cap[j] = min(m.cap[j], m.demonstrated[j])
             _mark_and_hold(m, st.telegrams.ticks * st.period)
+            m.lead.needed[0] += _units_shortfall(eq, m)
     else:
         _caps_by_front(eq, st, m, time, blended)
     return True
