@@ -27,7 +27,7 @@ def test_readme_is_short_and_says_the_commands_first():
     assert len(readme.encode()) <= MOST_BYTES
     assert readme.count("![") == 1
     of_readme = [one for one in blocks() if one.page == "README.md"]
-    assert [one.language for one in of_readme] == ["sh", "python"]
+    assert [one.language for one in of_readme] == ["sh", "python", "text"]
     assert [line.split()[:2] for line in of_readme[0].code.splitlines()] == [
         ["make", "compare"],
         ["make", "test"],
