@@ -258,6 +258,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                     m.delivered,
                     m.truth,
                     m.upper_bound,
+                    m.mark,
                     m.train.expected[0],
                 )
                 m.train.level[0], m.train.case[0] = allocate_compiled(

@@ -6,7 +6,7 @@ import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import xarray as xr
@@ -31,7 +31,7 @@ from alloc.onboard.host import (
     unit_contexts,
 )
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.state import RESERVE, RuleSettings, attachments, memory, settings
+from alloc.onboard.state import RESERVE, Memory, RuleSettings, attachments, memory, settings
 from alloc.onboard.telegrams import NOTHING_ADDED
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
@@ -73,6 +73,8 @@ class _RuleInPython:
             delivered=np.maximum(m.delivered, 0.0),
             truth=m.truth.copy(),
             deviation=m.learnt.deviation.copy(),
+            mark=m.mark.copy(),
+            upper_bound=m.upper_bound.copy(),
         )
         answer = self.rule(problem)
         if not isinstance(answer, Allocation) or not np.all(
@@ -241,7 +243,7 @@ class Simulation:
             ALLOCATION: _RuleInPython(chosen, computers, onboard, self.tally)
         }
         if isinstance(host, TellingController):
-            host.connect(*attachments(computers.memory))
+            host.connect(*attachments(cast(Memory, computers.memory)))
         if not isinstance(host, tuple):
             torque = loop.plant.state[model.layout.torque]
             self.parts[CONTROL] = ControllerInPython(
@@ -278,16 +280,15 @@ def _check_kinds(event: Any, rule: Any, controller: Any) -> None:
             else "`readhesion.simulate` takes names too"
         )
         raise SimulationError(f"event = {event!r:.80} is no Event: {wanted}")
-    for name, part, kinds, wanted in (
-        ("rule", rule, (str, Rule), "Rule(name, description, function)"),
-        ("controller", controller, (str, HostedController, type),
-         "HostedController(name, meaning, each_unit(class), colour, marker)"),
+    for name, part, has, wanted in (
+        ("rule", rule, "caps", "Rule(name, description, function)"),
+        ("controller", controller, "name", "HostedController(name, meaning, each_unit(class), colour, marker)"),
     ):  # fmt: skip
         if isinstance(part, list | tuple):
             raise SimulationError(
                 f"{name} = {part!r:.80}: a run has one; `readhesion.compare` runs several"
             )
-        if not isinstance(part, kinds) or (isinstance(part, type) and not hasattr(part, "law")):
+        if not (isinstance(part, str) or hasattr(part, has)):
             raise SimulationError(f"{name} = {part!r:.80} is none: give its name, or {wanted}")
 
 

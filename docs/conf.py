@@ -1,8 +1,11 @@
 """Settings of the documentation site: `make docs` builds it, without the network and with every warning as an error."""
 
+import inspect
 import re
 import sys
 from collections.abc import Iterator
+from functools import reduce
+from importlib import import_module
 from importlib.metadata import version as installed_version
 from pathlib import Path
 from typing import Any
@@ -31,7 +34,7 @@ html_math_renderer = "mathml"
 html_show_copyright = False
 html_show_sourcelink = html_copy_source = False
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "cyclopts.ext.sphinx"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.linkcode", "cyclopts.ext.sphinx"]
 exclude_patterns = ["plugins", "results", "tables"]
 root_doc = "index"
 
@@ -118,13 +121,29 @@ def visit_math(writer: Any, node: nodes.math | nodes.math_block) -> None:
     except MathError as error:
         getLogger(__name__).warning("math: %s", error, location=node)
         made = ""
-    beside = f'<span class="eqno">({number[1]})</span>' if number else ""
-    writer.body.append(f'<div class="math">{made}{beside}</div>' if block else made)
+    beside = f'<span class="number">({number[1]})</span>' if number else ""
+    writer.body.append(f'<div class="equation">{made}{beside}</div>' if block else made)
     raise nodes.SkipNode
 
 
 named_files: set[str] = set()
 """Files of the repository that pages name and that are no pages themselves."""
+
+
+def linkcode_resolve(domain: str, info: dict[str, str]) -> str | None:
+    """Where the text of a part of the library stands; all of them are listed on pages in one folder."""
+    if domain != "py":
+        return None
+    try:
+        part = inspect.unwrap(
+            reduce(getattr, info["fullname"].split("."), import_module(info["module"]))
+        )
+        name = Path(inspect.getsourcefile(part) or "").relative_to(ROOT).as_posix()
+        line = inspect.getsourcelines(part)[1]
+    except (AttributeError, OSError, TypeError, ValueError):  # a value, or of another library
+        return None
+    named_files.add(name)
+    return f"../source/{name}.html#line-{line}"
 
 
 def link_sources(app: Sphinx, doctree: nodes.document, page: str) -> None:
@@ -156,7 +175,9 @@ def source_pages(app: Sphinx) -> Iterator[tuple[str, dict[str, Any], str]]:
         except ClassNotFound:
             language = "text"
         text = (ROOT / name).read_text(encoding="utf-8")
-        shown = app.builder.highlighter.highlight_block(text, language, linenos="inline")
+        shown = app.builder.highlighter.highlight_block(
+            text, language, linenos="inline", lineanchors="line"
+        )
         yield f"source/{name}", {"title": name, "body": f"<h1>{name}</h1>{shown}"}, "page.html"
 
 

@@ -225,7 +225,8 @@ def believe(b, speed, omega, torque, wanted, estimate):
     noise = mean_noise(axles)
     take_in_pairs(b.constants, axles, b.curve, noise)
     felt = b.constants.felt_noise * noise
-    search_slip(b.search, axles, b.curve, felt, noise, torque < LIMITING * wanted)
+    limited = torque < LIMITING * wanted
+    search_slip(b.search, axles, b.curve, felt, noise, limited, b.constants.ceiling)
     if not b.search.pace.seek:
         for i in range(omega.size):
             least = min(least, axles.peak[i])

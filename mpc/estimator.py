@@ -34,8 +34,12 @@ NOISE_TIME = 1.0
 SMALLEST_NOISE = 2e-4
 """Smallest noise [m/s] assumed; larger noise is learnt."""
 
-FIRST_NOISE = 0.01
-"""Noise [m/s] assumed before any reading: with too small a value the filter trusts noisy readings too much."""
+FIRST_NOISE = 0.03
+"""Noise [m/s] assumed before any reading, a tenth of a km/h: with too small a value the filter trusts noisy readings too
+much, and a first reading of some slip without force passes for a rail without adhesion."""
+
+FIRST_READINGS = 10.0
+"""Number of readings that it counts for."""
 
 DOUBT = 0.5
 """Deviation of an unknown peak, over the peak."""
@@ -61,6 +65,8 @@ class AxleEstimates(NamedTuple):
     """Slip of the reading before [m/s]."""
     noise: Floats
     """Deviation of measured slip [m/s]."""
+    readings: Floats
+    """Number of readings in it, those that the first guess counts for included."""
     coefficient: Floats
     peak: Floats
     variance: Floats
@@ -107,6 +113,7 @@ def axles_of(context: UnitContext, belief: PeakBelief) -> AxleEstimates:
     """Axles before any reading."""
     axles = AxleEstimates(*(np.zeros(context.axles) for _ in AxleEstimates._fields))
     axles.noise[:] = FIRST_NOISE
+    axles.readings[:] = FIRST_READINGS
     axles.peak[:] = belief.initial
     axles.variance[:] = (DOUBT * belief.initial) ** 2
     return axles
@@ -131,7 +138,8 @@ def observe_axles(c, axles, load, speed, omega, torque, fresh):
         # E|x| of a normal second difference is 0.8 sqrt(6) of a reading's deviation
         rough = abs(measured - 2.0 * axles.measured[i] + axles.before[i]) / 1.95
         rough = min(rough, ROUGHEST * max(axles.noise[i], SMALLEST_NOISE))
-        axles.noise[i] += c.noise_share * (rough - axles.noise[i])
+        axles.readings[i] += 1.0
+        axles.noise[i] += max(c.noise_share, 1.0 / axles.readings[i]) * (rough - axles.noise[i])
         axles.slip[i] = c.keep * axles.slip[i] + c.old * axles.measured[i] + c.new * measured
         axles.before[i], axles.measured[i] = axles.measured[i], measured
 
@@ -179,6 +187,8 @@ def mean_noise(axles):
 #     x = (e + sqrt(1 - e (1 + e) r s)) / (1 + e),    s_p = s / x.
 #
 # As long as no elasticity was heard, the curve is taken for one of `USUAL_STEEPNESS`, whose s_p = n / r. That is `top`.
+# Where it lies below the s_p assumed before any reading, a steep slope may as well be that of a steep curve, as Polach's
+# are: `top` then is the geometric mean of both.
 # The MPC predicts, and reads its pairs, with a peak that lies `REACH` times beyond the slip sought at least
 # (`peak_slip`).
 
@@ -212,6 +222,8 @@ class Pace(NamedTuple):
     shape: float
     """Weight of a new s_p."""
     period: float
+    first: float
+    """s_p before any reading [m/s]."""
 
 
 class Curve(NamedTuple):
@@ -229,7 +241,7 @@ def curve_of(belief: PeakBelief, period: float, peak_slip: float) -> Curve:
     one.peak_slip = one.top = peak_slip
     one.slope = USUAL_STEEPNESS / peak_slip
     one.variance = FIRST_DEVIATION**2
-    pace = Pace(belief.slope_walk**2 * period, -math.expm1(-period / SHAPE_TIME), period)
+    pace = Pace(belief.slope_walk**2 * period, -math.expm1(-period / SHAPE_TIME), period, peak_slip)
     return Curve(pace, state)
 
 
@@ -276,7 +288,10 @@ def take_in_pairs(c, axles, curve, noise):
         share = n * x / below
         slope = peak * n * (1.0 - x * x) / (below * below * state.peak_slip)
         own = c.coefficient_error + c.relative_error * abs(coefficient)
-        of_slip = c.slip_error * c.slip_error + c.kept_noise * noise * noise
+        # the filter begins with one reading
+        later = axles.readings[i] - FIRST_READINGS - 1.0
+        kept = max(c.kept_noise, math.exp(2.0 * later * math.log(c.keep)))
+        of_slip = c.slip_error * c.slip_error + kept * noise * noise
         error = own * own + felt * felt + slope * slope * of_slip
         # while slip changes fast, the filtered pair lies beside the curve
         moving = 0.5 * slope * (axles.measured[i] - axles.slip[i])
@@ -303,7 +318,8 @@ def take_in_pairs(c, axles, curve, noise):
         state.variance -= by_slope * by_slope * expected
     if first:
         state.slope *= before / total_peak(axles)
-        state.top = min(max(USUAL_STEEPNESS / state.slope, PEAK_SLIPS[0]), PEAK_SLIPS[1])
+        top = min(max(USUAL_STEEPNESS / state.slope, PEAK_SLIPS[0]), PEAK_SLIPS[1])
+        state.top = max(top, math.sqrt(top * curve.pace.first))
 
 
 @inlined

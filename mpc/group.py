@@ -23,7 +23,7 @@ from mpc.model import (
     parameters,
     unit_of_axle,
 )
-from mpc.period import HorizonProblem, PredictiveController, RealTimeIteration, cost_of
+from mpc.period import HorizonProblem, Iteration, PredictiveController, RealTimeIteration, cost_of
 from mpc.settings import MpcSettings
 from mpc.unit import tracked_coefficient
 
@@ -49,13 +49,17 @@ class GroupProblem:
     """Makes the problems of a group and has their solver; axles unit by unit, foremost first."""
 
     def __init__(
-        self, contexts: Sequence[UnitContext], settings: MpcSettings, steps: int | None = None
+        self,
+        contexts: Sequence[UnitContext],
+        settings: MpcSettings,
+        steps: int | None = None,
+        iteration: Iteration = RealTimeIteration,
     ) -> None:
-        """`steps`: most SQP steps, if others than those of the settings."""
+        """`steps`: most SQP steps, if others than those of the settings; `iteration`: makes the solver."""
         group = tuple(map(with_predicted_curve, contexts))
         self._settings = settings
         own = settings if steps is None else replace(settings, iterations=steps)
-        self.solver = RealTimeIteration(group, own, settings.group.evenness)
+        self.solver = iteration(group, own, settings.group.evenness)
         terms = cost_of(group, settings).unit
         self.share, self._scale = terms.share, terms.scale
         self.unit = unit_of_axle(group)
@@ -114,18 +118,27 @@ class GroupProblem:
         return target if wanted <= allowed else target * (allowed / wanted)
 
 
+SPARED = 0.9
+"""Share of what a unit is believed to carry up to which the others relieve it: the last tenth doubles its slip, or more."""
+
+
 def even_split(
     target: Floats, carried: Floats, limit: Floats, scale: Floats, share: Floats
 ) -> Floats:
     """Torques [N m] that give the total of `target` at one coefficient, except for units that cannot; (units,).
 
-    This is the exact level that par. 0050 of JP5484215 names, with what the units are believed to carry as caps. For a unit
-    that has not slipped, that belief is a guess. Loads in proportion to it would send untested units to their peak; one
-    level asks no more of them than the total needs. `carried` and motor `limit` [N m], torque `scale` [N m] and `share` of
-    the mass, (units,).
+    This is the exact level that par. 0050 of JP5484215 names, with `SPARED` of what the units are believed to carry as caps.
+    The work lost at the wheels grows with the slip, so a unit goes nearer to its peak only as far as the others, each as
+    near to its own, do not reach the total. For a unit that has not slipped, that belief is a guess. Loads in proportion to
+    it would send untested units to their peak; one level asks no more of them than the total needs. `carried` and motor
+    `limit` [N m], torque `scale` [N m] and `share` of the mass, (units,).
     """
-    split = np.empty_like(target)
-    exact_limits(carried / scale, float(share @ (target / scale)), share, limit / scale, split)
+    split, wanted = np.empty_like(target), float(share @ (target / scale))
+    exact_limits(SPARED * carried / scale, wanted, share, limit / scale, split)
+    left = np.minimum(carried, limit) / scale - split
+    missing = wanted - float(share @ split)
+    if missing > 0.0:
+        split += left * min(missing / max(float(share @ left), missing), 1.0)
     return split * scale
 
 
@@ -141,11 +154,14 @@ class GroupController(PredictiveController):
     belief: GroupBelief
 
     def __init__(
-        self, contexts: Sequence[UnitContext], settings: MpcSettings | None = None
+        self,
+        contexts: Sequence[UnitContext],
+        settings: MpcSettings | None = None,
+        iteration: Iteration = RealTimeIteration,
     ) -> None:
         settings = settings or MpcSettings()
         self._lost = LostShare(contexts)
-        self._group = GroupProblem(contexts, settings)
+        self._group = GroupProblem(contexts, settings, iteration=iteration)
         super().__init__(contexts, settings, self._group.solver)
         self.belief = GroupBelief(contexts, settings)
 

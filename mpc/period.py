@@ -5,7 +5,7 @@ In: measured state, model parameters, targets, slip limits. Out: torques over th
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -243,6 +243,9 @@ class RealTimeIteration:
         status = FAILURES.get(end, "ok")
         return HorizonSolution(self.torques.copy(), cost, residual, done, status)
 
+
+Iteration = Callable[..., RealTimeIteration]
+"""Makes a solver as `RealTimeIteration` is made; another solver derives from it and has its own `solve`."""
 
 _iteration = lru_cache(maxsize=16)(RealTimeIteration)
 

@@ -79,6 +79,10 @@ UNTESTED = 0.2
 """Time [s] after which a peak is doubted that limits torque while slip stays far below the slip sought."""
 FULL = 0.9
 """Share of that peak above which it does so."""
+MORE = 5.0
+"""How many times faster it is doubted while its axle feels more than it."""
+WITHIN_NOISE = 2.0
+"""The same in deviations of the coefficient by noise: how far below that share a peak is still used up."""
 DOUBTED_RISE = 8.0
 """Logarithmic speed [1/s] at which it then rises."""
 FALLING = -0.5
@@ -101,20 +105,24 @@ def runs_away(search, axles, noise):
 
 
 @inlined
-def doubt_peaks(search, axles, follows):
-    """Raise peaks that limit the torque and that no slip shows; `follows`: whether slip is near the one sought."""
+def doubt_peaks(search, axles, follows, felt, ceiling):
+    """Raise peaks that limit the torque and that no slip shows; `follows`: whether slip is near the one sought.
+
+    `felt`: deviation of a coefficient by noise. A peak within it of nothing would never seem to be used up.
+    """
     pace, state = search.pace, search.state[0]
     weakest = 0
     for i in range(axles.peak.size):
         if axles.peak[i] < axles.peak[weakest]:
             weakest = i
-    used = axles.coefficient[weakest] > FULL * axles.peak[weakest]
+    coefficient, peak = axles.coefficient[weakest], axles.peak[weakest]
     # noise of so small a force makes single readings doubtful
-    below = state.below + (pace.period if used else -pace.period)
+    told = 1.0 if coefficient + WITHIN_NOISE * felt > FULL * peak else -1.0
+    below = state.below + (MORE if coefficient > peak else told) * pace.period
     state.below = 0.0 if follows else max(below, 0.0)
     if state.below > UNTESTED:
         for i in range(axles.peak.size):
-            axles.peak[i] *= math.exp(DOUBTED_RISE * pace.period)
+            axles.peak[i] = min(axles.peak[i] * math.exp(DOUBTED_RISE * pace.period), ceiling)
 
 
 @inlined
@@ -196,7 +204,7 @@ MEAN_TIME = 0.2
 NOISE_TIME = 1.0
 """Time [s] over which the variance across the answer is taken."""
 ANSWER_LAG = 0.015
-"""Time [s] by which slip follows its limit, the filter of the pairs apart."""
+"""Time [s] by which slip follows its limit, apart from the filter of the pairs and the lag of the motors."""
 SETTLED = 0.2
 """Time [s] of limitation after which the search goes on."""
 AT_LIMIT = 0.5
@@ -205,6 +213,10 @@ BINDS = 0.9
 """The same from which on it does; below, an answer to the swing tells."""
 JUMP = 0.12
 """Change of ln mu within the mean's time that is a change of the rail."""
+LEAP = 0.3
+"""Share of the slip held by which slip falls where adhesion returns; torque is then what holds it, not the slip limit."""
+FELL = 1.5
+"""The same in deviations of a reading's noise: four of those of the filtered slip."""
 WHOLE_SWING = 1.3
 """The same over the swing: filtered ln mu answers it by no more, from one extreme to the other."""
 SURE = 4.0
@@ -257,7 +269,7 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> UnitSe
         return -math.expm1(-dt / time)
 
     turning = 2.0 * math.pi / settings.swing_time
-    lag = math.atan(turning / pole) + turning * ANSWER_LAG
+    lag = math.atan(turning / pole) + math.atan(turning * context.torque_lag) + turning * ANSWER_LAG
     pace = numbers_of(
         settings,
         period=float(dt),
@@ -290,7 +302,7 @@ def slip_limit(search):
 
 
 @inlined
-def _demodulate(search, axles, felt):
+def _demodulate(search, axles, felt, noise):
     """Take the pairs of a period into the demodulated values; returns the axle with the largest mean slip, -1: none."""
     pace, state = search.pace, search.state[0]
     cosine, sine = math.cos(state.phase) * pace.period, math.sin(state.phase) * pace.period
@@ -302,9 +314,12 @@ def _demodulate(search, axles, felt):
             continue
         slip, coefficient = math.log(axles.slip[i]), math.log(axles.coefficient[i])
         fresh = math.isnan(search.mean_slip[i])
-        jump = max(
-            JUMP, WHOLE_SWING * max(state.swing, pace.swing), SURE * felt / axles.coefficient[i]
-        )
+        whole = WHOLE_SWING * max(state.swing, pace.swing)
+        jump = max(JUMP, whole, SURE * felt / axles.coefficient[i])
+        held = state.slip if fresh else min(math.exp(search.mean_slip[i]), state.slip)
+        if not fresh and held - axles.slip[i] > max(max(LEAP, whole) * held, FELL * noise):
+            # adhesion returns: that slip falls while it rises is no answer
+            fresh, state.certainty = True, 0.0
         if fresh or abs(coefficient - search.mean_coefficient[i]) > jump:
             search.mean_slip[i], search.mean_coefficient[i] = slip, coefficient
             for k in range(4):
@@ -349,11 +364,11 @@ def _elasticity(search, i, wanted, rough, follows):
 
 
 @inlined
-def search_slip(search, axles, curve, felt, noise, limited):
+def search_slip(search, axles, curve, felt, noise, limited, ceiling):
     """A control period of the search, which tells the `curve` what it hears.
 
     `noise`: deviation of measured slip [m/s], `felt`: that of a coefficient by it; `limited`: whether the unit gives
-    less than is wanted of it.
+    less than is wanted of it; `ceiling`: largest peak believed.
     """
     pace, state = search.pace, search.state[0]
     state.phase = (state.phase + pace.advance) % (2.0 * math.pi)
@@ -366,12 +381,12 @@ def search_slip(search, axles, curve, felt, noise, limited):
             search.mean_slip[i] = np.nan
         return
     state.limited_for += pace.period
-    i = _demodulate(search, axles, felt)
+    i = _demodulate(search, axles, felt, noise)
     slip = math.exp(search.mean_slip[i]) if i >= 0 else 0.0
     follows = slip > AT_LIMIT * state.slip
     # a peak believed can hold slip a little below its limit: then no swing is answered, and slip stays where it is
     binds = slip > BINDS * state.slip or state.certainty > HARDLY
-    doubt_peaks(search, axles, follows and binds)
+    doubt_peaks(search, axles, follows and binds, felt, ceiling)
     if i < 0:
         return
     wanted, rough = pace.friction_price * state.slip, noise / slip

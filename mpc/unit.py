@@ -5,7 +5,6 @@ solver fails, the unit cuts and ramps.
 """
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +23,7 @@ from mpc.period import (
     FAILURES,
     HorizonProblem,
     HorizonSolution,
+    Iteration,
     PredictiveController,
     Problem,
     RealTimeIteration,
@@ -141,10 +141,6 @@ def pose(u, target, limit):
         w.slip_scale,
     )
     terms.unit.target[0] = min(target, most * u.per_coefficient)
-
-
-Iteration = Callable[[Units, MpcSettings], RealTimeIteration]
-"""Makes the solver of a unit's problem; another solver derives from `RealTimeIteration` and has its own `solve`."""
 
 
 class OptiIteration(RealTimeIteration):

@@ -11,7 +11,7 @@ from pathlib import Path
 from string import ascii_lowercase
 from textwrap import wrap
 from time import perf_counter
-from typing import Any, Generic, NamedTuple, ParamSpec
+from typing import Any, Generic, Literal, NamedTuple, ParamSpec
 
 import matplotlib as mpl
 import pandas as pd
@@ -332,7 +332,7 @@ def letter_panels(drawn: Figure) -> None:
         for one in drawn.axes
         if one.get_visible() and one.axison and one.get_label() != "<colorbar>"
     ]
-    sides = ("left", "center", "right")
+    sides: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
     own = [
         *(one.get_title(side) for one in panels for side in sides),
         *(one.get_ylabel() for one in panels),
@@ -340,8 +340,9 @@ def letter_panels(drawn: Figure) -> None:
     if not 2 <= len(panels) <= MOST_LETTERS or any(words.startswith("(a)") for words in own):
         return
     for letter, one in zip(ascii_lowercase, panels, strict=False):
-        side = next((side for side in sides if one.get_title(side)), "left")
-        text = {"left": one._left_title, "center": one.title, "right": one._right_title}[side]
+        side = next((side for side in sides if one.get_title(side)), sides[0])
+        texts: Any = one  # no public name gives a title as the text that it is
+        text = {"left": texts._left_title, "center": one.title, "right": texts._right_title}[side]
         text.set_text(f"({letter}) {one.get_title(side)}".strip())
 
 

@@ -17,6 +17,7 @@ from alloc.rules import RULES, Allocation, AllocationProblem, find_rule
 from paper_figs.drawing import comparison, figure, study
 from paper_figs.style import (
     BAND_GREY,
+    BLACK,
     BOUND,
     DARK,
     NOTE,
@@ -61,8 +62,10 @@ HIGH, LOW = 0.160, 0.145
 DOT: Look = {"marker": "o", "markersize": 3.2, "linestyle": "none"}
 SAME = (
     "plan-times", "uniform", "qp-daqp", "qp-robust", "greedy-printed", "greedy-literal", "greedy-tuned", "cooperative",
+    "wear", "wear-qp", "wear-cvxpy",
 )  # fmt: skip
-"""Rules that ask all units for the same, or answer as others where they are only called: as `qp`, `greedy` and `exact`."""
+"""Rules that ask all units for the same, or answer as others where they are only called: as `qp`, `greedy` and `exact`; and
+those that need the marks of a run."""
 SHOWN = tuple(name for name in RULES if name not in SAME)
 """Rules shown."""
 
@@ -457,9 +460,12 @@ def information(table: pd.DataFrame) -> Figure:
                 for metric, factor in (("effort", 100.0), ("damage", 1.0))
             ]
             axes.plot(*points, **look, linewidth=1.0, gid=level)
+        least = _least_damage(pairs, controller)
+        axes.plot(*least, color=BLACK, linestyle="--", linewidth=1.0, gid=LEAST)
         axes.set(title=controller, xlabel="effort, of the plan at demand 1 [%]")
     fronts[0].set_ylabel("wheel damage Q [kJ]")
-    legend_below(above, [handle(level, **look) for level, look in looks.items()])
+    handles = [handle(level, **look) for level, look in looks.items()]
+    legend_below(above, [*handles, handle(LEAST, color=BLACK, linestyle="--", linewidth=1.0)], 4)
     costs = below.subplots(1, 2, sharey=True)
     for axes, (metric, words, factor, better) in zip(costs, OF_INFORMATION, strict=True):
         for y, level in enumerate(levels[1:]):
@@ -491,6 +497,20 @@ def information(table: pd.DataFrame) -> Figure:
     return drawn
 
 
+def _least_damage(pairs: pd.DataFrame, controller: str) -> tuple[list[float], list[float]]:
+    """Effort of who knows the truth [%], and the least wheel damage [kJ] at which it can be had, at each demand."""
+    least = []
+    for demand in DEMANDS:
+        damage, excess = (
+            pairs[column(metric, controller, "truth", demand)]
+            for metric in ("damage", "excess_damage")
+        )
+        least.append(float((damage / (1.0 + excess)).mean()))
+    effort = [100.0 * pairs[column("effort", controller, "truth", one)].mean() for one in DEMANDS]
+    return effort, least
+
+
+LEAST = "least damage, by the truth"
 LEVEL_COLOURS = mpl.colormaps["viridis"]
 OF_INFORMATION = (
     ("effort", "effort over plan, less own sensors [%]", 100.0, 1),

@@ -107,6 +107,7 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "slide-calibration": (1, {"effort": Effort(12, 1, 1, 1, 6)}),
     "headroom": (2, {"duration": 4.0}),
     "information": (1, {"duration": 4.0}),
+    "broad": (1, {"controllers": ("cut-and-ramp",)}),
     "sanders": (1, {}),
     "wsp-acceptance": (0, {"adhesion": (0.03,)}),
 }

@@ -1,13 +1,15 @@
 """Records by reference: compiled code sees the fields of the `NamedTuple`, shares its arrays, and keeps its types apart."""
 
+import copy
 import gc
+import pickle
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from alloc.compilation import jit
-from alloc.records import ByReference
+from alloc.records import LINE, ByReference, LaidOut, Made
 
 
 class Inner(NamedTuple):
@@ -105,3 +107,31 @@ def test_arrays_live_as_long_as_the_record():
 def test_what_cannot_be_handed_over_is_named(changes, said):
     with pytest.raises(TypeError, match=said):
         ByReference(_outer(**changes))
+
+
+def test_a_record_laid_out_once_is_given_afresh_each_time():
+    block = np.arange(6.0).reshape(2, 3)
+    made = LaidOut(_outer(inner=Inner(block[1], 7, True), grid=block))
+    first, second = made.fresh(), made.fresh()
+    assert first.kind == second.kind == ByReference(_outer()).kind
+    before = [np.array(values) for values in (block, second.grid, second.index)]
+    outs = np.zeros((2, 8))
+    _read(first, outs[0])
+    assert (first.inner.values[0], first.grid[1, 0]) == (-7.0, -7.0), "rows overlap their block"
+    assert first.grid[0, 1] == 1.5
+    for values, kept in zip((block, second.grid, second.index), before, strict=True):
+        np.testing.assert_array_equal(values, kept, err_msg="a copy of its own")
+    _read(second, outs[1])
+    expected = np.zeros(8)
+    _read(ByReference(_outer(inner=Inner(block[1], 7, True), grid=block)), expected)
+    np.testing.assert_array_equal(outs, [expected, expected])
+    addresses = [array.ctypes.data for array in (first.grid, first.index, second.grid)]
+    assert not np.any(np.array(addresses) % LINE)
+
+
+def test_what_is_made_once_stays_behind_in_copies():
+    made, calls = Made(), []
+    for _ in range(2):
+        assert made.once("key", lambda: calls.append(1) or len(calls)) == 1
+    assert (made.once("other", lambda: 2), calls) == (2, [1])
+    assert pickle.loads(pickle.dumps(made)) == copy.deepcopy(made) == {}

@@ -2,13 +2,13 @@
 
 import subprocess
 import sys
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
 import readhesion
 from alloc.metrics import METRICS
-from alloc.onboard.host import HostedController
 from alloc.plant.rail import Rail
 from alloc.simulation import simulate as simulate_event
 from studies.files.study_error import StudyError
@@ -85,7 +85,7 @@ MISTAKES = [
     (lambda e: simulate_event("wet-start"), "takes names too"),
     (lambda e: readhesion.simulate(e, ["alone", "exact"]), "a run has one; `readhesion.compare`"),
     (lambda e: readhesion.simulate(e, lambda problem: problem.cap), r"give its name, or Rule\("),
-    (lambda e: readhesion.simulate(e, controller=HostedController), r"or HostedController\("),
+    (lambda e: readhesion.simulate(e, controller=Fraction), r"or HostedController\("),
     (lambda e: readhesion.simulate(e, "exakt"), "did you mean 'exact'"),
     (lambda e: readhesion.simulate("WET-PATCH"), "did you mean 'wet-patch'"),
     (lambda e: readhesion.RULES["exakt"], "did you mean 'exact'"),

@@ -222,6 +222,15 @@ class Counters(NamedTuple):
     rule_calls: Counter
 
 
+class HoldMemory(NamedTuple):
+    """What the leader remembers of units that search while the plan is out of reach; (units,)."""
+
+    best: Floats  # best coefficient found
+    since: Floats  # time searched since then [s]
+    left: Floats  # time for which the unit is still held there [s]; 0: it searches
+    missed: Floats  # time for which it has not reached it [s]
+
+
 class Memory(NamedTuple):
     """What the computers remember; (units,) unless said otherwise."""
 
@@ -260,6 +269,8 @@ class Memory(NamedTuple):
     truth: Floats  # filled for the oracle only
     demonstrated: Floats  # coefficient that each unit has shown to be able to deliver
     upper_bound: Floats  # coefficient up to which each unit may be asked for more than the plan
+    mark: Floats  # `demonstrated`; of a unit that was never limited that of the best
+    hold: HoldMemory
     most: Floats  # up to which a limit may rise now
     limited: NDArray[np.bool_]  # whether the unit is limited, as the leader has heard
     by_rail: NDArray[np.bool_]  # whether it was the rail that limited it the last time
@@ -286,7 +297,7 @@ def _singles(kind: Any, dtype: Any = np.float64, **others: Any) -> Any:
     return kind(*(np.zeros(1, others.get(name, dtype)) for name in kind._fields))
 
 
-def attachments(m: Any) -> tuple[Attachment, Attachment]:
+def attachments(m: Memory) -> tuple[Attachment, Attachment]:
     """What a controller adds to the reports and to the limits that are sent, in the memory itself."""
     line = m.report.line
     return (
@@ -344,6 +355,8 @@ def memory(
         slipping=np.zeros(n, dtype=np.bool_),
         demonstrated=np.full(n, np.inf),
         upper_bound=np.full(n, np.inf),
+        mark=np.full(n, expected),
+        hold=HoldMemory(*np.zeros((4, n))),
         pressure=np.zeros(eq.group.unit.size),
         air_most=np.full(eq.group.unit.size, np.inf),
         message=nothing,

@@ -11,6 +11,7 @@ from alloc.rules.patent import GREEDY, GREEDY_CLAIM
 from alloc.rules.prior_art import PRESET, SHARING
 from alloc.rules.problem import CASE_A, CASE_B, CASE_NONE
 from alloc.rules.rule import ALONE, Rule
+from alloc.rules.wear import WEAR
 
 COMPILED: tuple[Rule, ...] = (
     ALONE,
@@ -24,6 +25,7 @@ COMPILED: tuple[Rule, ...] = (
     EXACT,
     COOPERATIVE,
     ORACLE,
+    WEAR,
 )
 """Rules that compiled code knows, by their place here; a rule registered at run time is called in Python."""
 

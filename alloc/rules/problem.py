@@ -80,11 +80,16 @@ _ADVICE = {
     "delivered": "give the magnitude of the coefficient that each unit delivers now",
     "truth": "give the available coefficients, or leave truth out",
     "deviation": "give the standard deviation of each cap about the truth, or leave deviation out",
+    "mark": "give the coefficient that each unit has shown to carry, or leave mark out",
+    "upper_bound": "give the coefficient up to which each unit may search, or leave upper_bound out",
 }
 
 
 MOST_EXPECTED = 10.0
 """A greater coefficient is a percentage or a force by mistake."""
+
+_GIVEN = tuple(name for name in _ADVICE if name not in ("cap", "rate"))
+"""Arrays that may be left out."""
 
 
 @displayed
@@ -118,6 +123,10 @@ class AllocationProblem:
     """Coefficients truly available; read by `oracle` alone. None: the caps are true."""
     deviation: ArrayLike | None = None
     """Standard deviation of each cap about the truth, >= 0; read by `qp-robust` alone. None: the caps are certain."""
+    mark: ArrayLike | None = None
+    """Coefficient that each unit has shown to carry at its best; read by `wear` and its forms. None: the caps."""
+    upper_bound: ArrayLike | None = None
+    """What `wear` and its forms ask of each unit where the plan is out of reach, inf for its cap. None: the caps."""
     n: int = field(init=False)
     """Number of units."""
 
@@ -134,7 +143,7 @@ class AllocationProblem:
             )
         if not isinstance(self.slip, bool | np.bool_):
             raise AllocationError(f"slip = {self.slip!r} must be True or False")
-        for name in ("mass", "limit_max", "previous", "delivered", "truth", "deviation"):
+        for name in _GIVEN:
             given = getattr(self, name)
             if given is not None:
                 put(self, name, _coefficients(name, given, cap.size))
@@ -200,6 +209,16 @@ class AllocationProblem:
         return self._given("truth", np.asarray(self.cap))
 
     @cached_property
+    def peak(self) -> Floats:
+        """`mark`, the caps where none was given, (n,)."""
+        return self._given("mark", np.asarray(self.cap))
+
+    @cached_property
+    def searching(self) -> Floats:
+        """`upper_bound`, infinite where none was given, (n,)."""
+        return self._given("upper_bound", np.full(self.n, np.inf))
+
+    @cached_property
     def within_reach(self) -> bool:
         """Whether the box allows more than the plan: case B."""
         if not self.slip:
@@ -250,7 +269,7 @@ def _coefficients(name: str, values: ArrayLike, n: int | None) -> Floats:
         )
     if n is not None and array.shape != (n,):
         raise AllocationError(f"{name} has shape {array.shape}, must be ({n},) as cap has")
-    may_be_infinite = name in ("limit_max", "rate")
+    may_be_infinite = name in ("limit_max", "rate", "upper_bound")
     largest = np.inf if may_be_infinite else np.finfo(float).max
     wrong = ~((array >= 0.0) & (array <= largest)) | ((name == "mass") & (array == 0.0))
     if wrong.any():

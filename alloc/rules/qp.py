@@ -24,6 +24,7 @@ from alloc.rules.problem import (
     import_solver,
 )
 from alloc.rules.rule import RULES, Rule
+from alloc.rules.wear import WEAR, answer_wear
 
 # The allocation as a quadratic program, set up once per number of units and solver, then updated.
 #
@@ -257,6 +258,21 @@ QP_CVXPY = Rule(
     promise="exact", colour="#1c00ff", marker="<",
 )  # fmt: skip
 RULES.register("qp-cvxpy", QP_CVXPY)
+
+
+# The program of least wear (`alloc.rules.wear`) in shares of the marks, by the same solvers.
+
+
+WEAR_QP = replace(
+    WEAR, name="wear-qp", description="wear as a quadratic program (OSQP)", law=None, colour="#145674", marker="$Q$",
+    answer=partial(answer_wear, partial(answer_by, OsqpProblem, "wear-qp")),
+)  # fmt: skip
+WEAR_CVXPY = replace(
+    WEAR, name="wear-cvxpy", description="wear stated in cvxpy: readable reference, slow", law=None, colour="#ae4006",
+    marker="$C$", answer=partial(answer_wear, partial(answer_by, Formulation, "wear-cvxpy")),
+)  # fmt: skip
+RULES.register("wear-qp", WEAR_QP)
+RULES.register("wear-cvxpy", WEAR_CVXPY)
 
 
 # Chance-constrained allocation: the rail carries every cap with a chosen probability; then the quadratic program as

@@ -65,6 +65,8 @@ class Caps(IntEnum):
     """What each limited unit delivers; what each other unit has shown to carry."""
     TRUE = 3
     """The truth, which no computer on board can know."""
+    HELD = 4
+    """As `DELIVERED`; where the plan is out of reach, a unit that searched long enough is held at the best that it found."""
 
 
 TRIGGERS = {
@@ -74,6 +76,7 @@ TRIGGERS = {
     Caps.DETECTED: (Trigger.ANY_SLIP,),
     Caps.DELIVERED: (Trigger.LIMITED, Trigger.TELEGRAM),
     Caps.TRUE: (Trigger.PERIOD,),
+    Caps.HELD: (Trigger.TELEGRAM,),
 }  # fmt: skip
 """Triggers that go with caps; a rule with others is refused."""
 
@@ -95,6 +98,8 @@ class Units(NamedTuple):
     truth: Floats
     upper_bound: Floats
     """Coefficient up to which each unit may be asked for more than the plan; inf: it was never limited."""
+    mark: Floats
+    """Coefficient that each unit has shown to carry; one that was never limited counts as the best of the others."""
     plan: float
     """What the driver asks of every unit; the rule may be called with more, to make up for others."""
 
@@ -177,7 +182,7 @@ def units_of(problem: AllocationProblem) -> Units:
     cap = np.asarray(problem.cap, dtype=float)
     return Units(
         cap, problem.weight, problem.torque_limit, problem.in_force, problem.obtained, problem.available,
-        np.full(problem.n, np.inf), problem.expected,
+        problem.searching, problem.peak, problem.expected,
     )  # fmt: skip
 
 
@@ -191,7 +196,8 @@ RULES: Registry[Rule] = Registry(
     "rule", "readhesion.rules", AllocationError, "alloc.rules",
     (
         "alone", "plan-times", "uniform", "preset", "sharing", "erp", "greedy", "greedy-printed", "greedy-literal",
-        "greedy-tuned", "greedy-claim", "exact", "qp", "qp-daqp", "qp-cvxpy", "qp-robust", "cooperative", "oracle",
+        "greedy-tuned", "greedy-claim", "exact", "qp", "qp-daqp", "qp-cvxpy", "qp-robust", "cooperative", "wear", "wear-qp",
+        "wear-cvxpy", "oracle",
     ),
 )  # fmt: skip
 """Every rule by name: baselines and prior art, the patent's, exact ones, and the one that knows the truth."""

@@ -22,12 +22,6 @@ def answer(problem):
     return allocation(problem, limit, np.nan, case, time.perf_counter() - started)
 
 
-RULES.register(
-    "weighted",
-    Rule(
-        "weighted",
-        "the deficit in proportion to what units can spare",
-        answer,
-        caps=Caps.DELIVERED,  # what each limited unit delivers, not what the foremost one tells of all
-    ),
-)
+# told what each limited unit delivers, not what the foremost one has shown
+TEXT = "the deficit in proportion to what units can spare"
+RULES.register("weighted", Rule("weighted", TEXT, answer, caps=Caps.DELIVERED))

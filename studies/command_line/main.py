@@ -19,6 +19,7 @@ from studies.command_line.write_report import (
     cite,
     export_controller,
     export_fmu,
+    export_qps,
     figures,
     write_report,
 )
@@ -38,8 +39,8 @@ app = App(
     suppress_keyboard_interrupt=False,  # `interruption.ends` says what it leaves behind
 )
 for command in (
-    compare, simulate, run_line, sweep, merge, figures, analyse, check, cite, export_controller, export_fmu, new_scenario,
-    schema,
+    compare, simulate, run_line, sweep, merge, figures, analyse, check, cite, export_controller, export_fmu, export_qps,
+    new_scenario, schema,
 ):  # fmt: skip
     app.command(command)
 app.command(list_names, name="list")

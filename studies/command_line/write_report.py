@@ -1,4 +1,4 @@
-"""What goes into papers and other programs: `readhesion report`, `figures`, `cite`, `export-controller`, `export-fmu`."""
+"""What goes into papers and other programs: `readhesion report`, `figures`, `cite`, `export-controller` and the like."""
 
 import json
 import sys
@@ -268,6 +268,34 @@ def export_fmu(scenario: str, *, out: FilePath, unit: Whole | None = None, seed:
     console().print(
         f"{out}: {made.description}, {len(made.inputs)} inputs, {len(made.outputs)} outputs, steps of {made.step:g} s"
     )
+
+
+# `readhesion export-qps`: quadratic programs of the MPC for a benchmark of solvers.
+
+
+def export_qps(*, scenario: Names = None, out: FilePath) -> None:
+    """Write quadratic programs of the readhesion MPC as a test set of qpbenchmark: readhesion_mpc.py and its data.
+
+    For each scenario, some of one unit's and some of all units as one problem, from a run of each.
+
+    Parameters
+    ----------
+    scenario
+        Names of shipped scenarios or paths of TOML files [default: those of `readhesion compare`].
+    out
+        Folder for the files.
+    """
+    from studies.peers.qpbenchmark_set import write_test_set
+    from studies.scenario.scenario import default_scenarios, load_scenario
+
+    names = split_names(scenario)
+    chosen = default_scenarios() if names is None else [load_scenario(name) for name in dict.fromkeys(names)]  # fmt: skip
+    for one in chosen:
+        _check_unit(one, 1)
+    check_place(out)
+    make_folder(out)
+    number = write_test_set(chosen, out)
+    console().print(f"{number} programs: {out}")
 
 
 def _check_unit(chosen: "Scenario", unit: int) -> None:

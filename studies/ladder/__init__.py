@@ -1,1 +1,1 @@
-"""The ladder of readhesion controllers; the same on other curves, on rails that rest, and beside the joint optimum."""
+"""The ladder of readhesion controllers; other curves, rails that rest, the joint optimum, and broad events."""

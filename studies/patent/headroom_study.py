@@ -178,7 +178,7 @@ def measure(run: xr.Dataset) -> dict[str, float]:
 
 BASE, BOUND = "alone", "oracle"
 """What gains count from, and the rule under which an event's headroom is read: the train then is where it could be."""
-SHARERS = ("preset", "sharing", "greedy", "exact", "cooperative")
+SHARERS = ("uniform", "preset", "sharing", "greedy", "exact", "cooperative", "wear")
 RULES = (BASE, *SHARERS, BOUND)
 OWN = "cooperative"
 """This project's own rule, which has goals."""

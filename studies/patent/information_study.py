@@ -31,16 +31,21 @@ LEVELS: Mapping[str, Level] = {
     "own sensors": Level("alone"),
     "late, lossy reports": Level("cooperative", LATE),
     "reports": Level("cooperative"),
+    "reports, for wear": Level("wear"),
     "prompt reports": Level("cooperative", PROMPT),
     "truth": Level("oracle"),
 }
-"""From little to much. Late: half a second, and three of ten telegrams lost; both assumed, far beyond a train bus."""
-STEPS = tuple(zip(tuple(LEVELS)[1:], LEVELS, strict=False))
-"""Each level and the one before it."""
+"""From little to much; the reports serve two rules. Late: half a second, and three of ten telegrams lost; both are assumed,
+and far beyond a train bus."""
+STEPS = (
+    ("late, lossy reports", "own sensors"), ("reports", "late, lossy reports"), ("reports, for wear", "reports"),
+    ("prompt reports", "reports"), ("truth", "prompt reports"),
+)  # fmt: skip
+"""Each level and the one that it is compared with."""
 DEMANDS = (0.9, 0.95, 1.0, 1.05)
 """Factors on the driver's command: points of a front. At 1 the train as a whole just reaches the plan, or nearly so."""
 CONTROLLERS = ("cut-and-ramp", "perturb-observe")
-NUMBERS = ("effort", "damage", "slip_time", "over_delivery", "jerk_rms")
+NUMBERS = ("effort", "damage", "excess_damage", "slip_time", "over_delivery", "jerk_rms")
 METHOD = f"paired by start; {INTERVALS_OF_MEANS}; after Holm over all claims"
 
 

@@ -319,16 +319,21 @@ def _token(made: CoSimulation) -> str:
     return digest.hexdigest()[:32]
 
 
+def _unit(one: Variable) -> str:
+    """As the standard writes units: a point is a product."""
+    return one.unit.replace(" ", ".")
+
+
 def _description(made: CoSimulation) -> str:
     """`modelDescription.xml`; variables are numbers of their own, named as elements of arrays are in Modelica."""
     lines, references = list[str](), range(1, 1 + len(made.inputs) + len(made.outputs))
     for k, one in zip(references, (*made.inputs, *made.outputs), strict=True):
         kind = 'causality="input" start="0"' if k <= len(made.inputs) else 'causality="output"'
         lines.append(
-            f'    <Float64 name={quoteattr(one.name)} valueReference="{k}" {kind} unit={quoteattr(one.unit)} '
+            f'    <Float64 name={quoteattr(one.name)} valueReference="{k}" {kind} unit={quoteattr(_unit(one))} '
             f"description={quoteattr(one.meaning)}/>"
         )
-    units = sorted({one.unit for one in (*made.inputs, *made.outputs)} | {"s"})
+    units = sorted({_unit(one) for one in (*made.inputs, *made.outputs)} | {"s"})
     outputs = references[len(made.inputs) :]
     return "\n".join([
         '<?xml version="1.0" encoding="UTF-8"?>',

@@ -238,10 +238,10 @@ def _doubts(found: Sequence[Standing], bounds: Mapping[str, Standing]) -> list[s
         if bound is not None and not one.idea and one.gain > bound.gain + EQUAL:
             said.append(
                 f"Warning: under {one.controller}, {one.rule} uses more of the bound than {bound.rule} "
-                f"({100 * one.gain:+.2f} against {100 * bound.gain:+.2f} points). No way of sharing the plan can: "
-                f"{bound.rule} knows the rail, and is late only where torque has to rise. So the rule asks for more than "
-                "the plan, and has torque in hand before the rail recovers (delivered beyond the plan: "
-                f"{100 * one.over:.1f} %), or the bound is wrong."
+                f"({100 * one.gain:+.2f} against {100 * bound.gain:+.2f} points). {bound.rule.capitalize()} knows the "
+                "rail and asks for the plan alone, so where torque follows at once no way of sharing does better. Either "
+                "the rule asks for more than the plan and has torque in hand when the rail recovers (delivered beyond the "
+                f"plan: {100 * one.over:.1f} %), or lags of motors and brakes hold {bound.rule} up, or the bound is wrong."
             )
     return said
 

@@ -1,7 +1,9 @@
 """Ratios of times that a change must not make worse, and their history in `docs/results/benchmarks.md`.
 
-Every way is timed in turn with a yardstick, many short rounds, and the least of each counts: so both met the same machine,
-and its quietest moment. A ratio is compared with the last one of the same processor.
+A ratio is processor time over that of a yardstick: a fixed compiled loop of floating-point work in the same process. Both
+are called in turn, many short rounds, and the least of each counts: so both met the same machine, and its quietest moment.
+The median of quotients was tried: beside other work it scatters by 25 %. A ratio is compared with the last one of the same
+processor.
 """
 
 import platform
@@ -11,25 +13,52 @@ from datetime import date
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+
+from alloc.compilation import jit
 
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "benchmarks.md"
 COLUMNS = ["date", "processor", "versions", "way", "microseconds", "ratio"]
 GROWTH = 1.2
 """A ratio may grow by this factor from one entry to the next."""
+SECONDS = 2e-3
+"""A way is called so often in a round that it takes at least this long [s]; the clock and the cache count little."""
 
 
-def least_times(ways: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, float]:
-    """Least time [s] of each way, called in turn `rounds` times after a call that does not count."""
-    least = dict.fromkeys(ways, float("inf"))
-    for way in ways.values():
+@jit
+def yardstick(values: np.ndarray, steps: int) -> None:
+    """Steps of explicit Euler for x' = -x / (1 + x^2), each number by itself: vectors, divisions, no memory to wait for."""
+    for _ in range(steps):
+        for k in range(values.size):
+            values[k] -= 1e-3 * values[k] / (1.0 + values[k] * values[k])
+
+
+def _measure() -> None:
+    yardstick(np.ones(64), 10_000)
+
+
+def _taken(call: Callable[[], object], times: int = 1) -> float:
+    began = time.process_time()
+    for _ in range(times):
+        call()
+    return (time.process_time() - began) / times
+
+
+def ratios(ways: Mapping[str, Callable[[], object]], rounds: int) -> pd.DataFrame:
+    """Of each way, taken in turn with the yardstick, the least processor time [us] and its `ratio` to the yardstick's."""
+    _measure()
+    often, least = {}, dict.fromkeys(ways, float("inf"))
+    for name, way in ways.items():
         way()
+        often[name] = 1 + int(SECONDS / max(_taken(way), 1e-7))
+    unit = float("inf")
     for _ in range(rounds):
         for name, way in ways.items():
-            began = time.perf_counter()
-            way()
-            least[name] = min(least[name], time.perf_counter() - began)
-    return least
+            unit = min(unit, _taken(_measure))
+            least[name] = min(least[name], _taken(way, often[name]))
+    rows = [(name, 1e6 * seconds, seconds / unit) for name, seconds in least.items()]
+    return pd.DataFrame(rows, columns=["way", "microseconds", "ratio"])
 
 
 def processor() -> str:
@@ -40,16 +69,16 @@ def processor() -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
-def entries(times: Mapping[str, float], yardstick: str) -> pd.DataFrame:
-    """The page's rows of today for these times [s]."""
+def entries(found: pd.DataFrame) -> pd.DataFrame:
+    """The page's rows of today for what `ratios` found."""
     packages = " ".join(f"{name} {version(name)}" for name in ("numpy", "numba"))
     versions = f"Python {platform.python_version()} {packages}"
-    today = [date.today().isoformat(), processor(), versions]
-    rows = [
-        [*today, name, round(1e6 * seconds, 2), float(f"{seconds / times[yardstick]:.4g}")]
-        for name, seconds in times.items()
-    ]
-    return pd.DataFrame(rows, columns=COLUMNS)
+    rounded = {
+        "microseconds": found["microseconds"].round(2),
+        "ratio": [float(f"{one:.4g}") for one in found["ratio"]],
+    }
+    today = {"date": date.today().isoformat(), "processor": processor(), "versions": versions}
+    return found.assign(**rounded, **today)[COLUMNS]
 
 
 def stored() -> pd.DataFrame:

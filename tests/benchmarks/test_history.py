@@ -2,7 +2,6 @@
 
 import os
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -17,10 +16,8 @@ from alloc.simulation import simulate
 from studies.readhesion_paper.lanes import simulate_tables
 from studies.scenario.scenario import load_scenario
 from tests.benchmarks import history
-from tests.plant.numpy_plant import right_side
 
-YARDSTICK = "right side with NumPy, 64 axles"
-ROUNDS = 60
+ROUNDS = 150
 
 
 def _model(name):
@@ -36,12 +33,6 @@ def _plant(name, step, steps):
     )
     inputs.torque_command[:] = 500.0
     return lambda: compiled.advance(w, 0.0, step, steps, start.copy(), inputs)
-
-
-def _numpy():
-    model = _model("high-speed-16car")
-    rate, state = right_side(model, model.zero_inputs()), model.initial_state(20.0)
-    return lambda: rate(0.0, state)
 
 
 def _run():
@@ -61,7 +52,6 @@ def _lanes():
 
 
 WAYS = {
-    YARDSTICK: _numpy,
     "plant, 32 axles, 100 steps of 2 ms": lambda: _plant("commuter-8car", 2e-3, 100),
     "plant, 64 axles, 100 steps of 2 ms": lambda: _plant("high-speed-16car", 2e-3, 100),
     "plant, 74 axles coupled, 100 steps of 0.5 ms": lambda: _plant("freight-17", 5e-4, 100),
@@ -76,8 +66,7 @@ def test_ratios_do_not_grow(benchmark):
     benchmark(lambda: None)
     if not benchmark.enabled:
         pytest.skip("times are compared by `make bench`")
-    times = history.least_times({name: make() for name, make in WAYS.items()}, ROUNDS)
-    now = history.entries(times, YARDSTICK)
+    now = history.entries(history.ratios({name: make() for name, make in WAYS.items()}, ROUNDS))
     benchmark.extra_info.update(now.set_index("way")["ratio"].to_dict())
     slower = history.grown(now, history.stored())
     if os.environ.get("READHESION_KEEP_BENCHMARKS"):
@@ -102,19 +91,28 @@ def test_other_processors_do_not_count():
     assert history.grown(now, before) == []
 
 
-def test_ways_are_timed_in_turn():
-    calls = []
-    ways = {name: lambda name=name: calls.append(name) for name in "ab"}
-    least = history.least_times(ways, 3)
-    assert calls == list("ab") * 4
-    assert all(np.isfinite(least[name]) and least[name] >= 0.0 for name in "ab")
+def test_ways_take_turns_and_a_way_that_does_twice_the_work_has_twice_the_ratio(monkeypatch):
+    calls, spent = [], [0.0]
+
+    def work(name, seconds):
+        calls.append(name)
+        spent[0] += seconds
+
+    monkeypatch.setattr(history, "_measure", lambda: work("", 0.5))
+    monkeypatch.setattr(history.time, "process_time", lambda: spent[0])
+    ways = {name: lambda name=name, s=s: work(name, s) for name, s in (("a", 1.0), ("b", 2.0))}
+    found = history.ratios(ways, 3).set_index("way")
+    assert calls == ["", *"aabb", *["", "a", "", "b"] * 3]
+    assert found["ratio"].tolist() == [2.0, 4.0]
+    assert found["microseconds"].tolist() == [1e6, 2e6]
 
 
 def test_what_is_kept_is_read_again(tmp_path, monkeypatch):
     page = tmp_path / "page.md"
     page.write_text("# Title\n\n| a | b |\n|---|---|\n")
     monkeypatch.setattr(history, "PAGE", page)
-    now = history.entries({"yardstick": 2.0, "way": 1.0}, "yardstick")
+    found = pd.DataFrame({"way": ["one", "other"], "microseconds": [2.0, 1.0], "ratio": [1.0, 0.5]})
+    now = history.entries(found)
     history.keep(now)
     history.keep(now)
     pd.testing.assert_frame_equal(history.stored(), pd.concat([now, now], ignore_index=True))

@@ -58,7 +58,7 @@ def repeat(rule_id, caps, expected, mass, limit_max, limit):
     """As the compiled simulation calls it: one rule over all rows of `caps`; the sum keeps the calls alive."""
     total = 0.0
     for k in range(caps.shape[0]):
-        units = Units(caps[k], mass, limit_max, limit, limit, limit, limit_max, expected)
+        units = Units(caps[k], mass, limit_max, limit, limit, limit, limit_max, caps[k], expected)
         level, _ = allocate_compiled(rule_id, units, expected, limit)
         total += level
     return total

@@ -1,8 +1,10 @@
 """Units, groups, random problems and programs for the tests of the MPC, and axles and telegrams that no simulation moves."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from mpc.condensing import condense, simulate, trajectory_cost
 from mpc.model import Units, curve_place, group_of, leading, parameters, unit_of_axle
 from mpc.period import HorizonProblem, Problem
 from mpc.settings import MpcSettings
+from mpc.slip_search import search_of
 from mpc.solver import linearise_at
 from tests.mpc.conftest import make_unit
 
@@ -194,7 +197,10 @@ class SyntheticUnit:
         # with so long a lag, torque changes evenly from reading to reading
         self.context = make_unit(**({"believed": curve, "torque_lag": 10.0} | context))
         self.settings = settings or MpcSettings()
-        self.belief = UnitBelief(self.context, self.settings)
+        # but slip is given: it follows its limit as with quick motors
+        quick = replace(self.context, torque_lag=0.0)
+        with patch("mpc.belief.search_of", lambda _, *others: search_of(quick, *others)):
+            self.belief = UnitBelief(self.context, self.settings)
         self.curve, self.peak, self.noise = curve, peak, noise
         self.rng, self.speed = np.random.default_rng(seed), speed
         self.known = self.before = self.now = None

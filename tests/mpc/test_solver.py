@@ -29,7 +29,7 @@ from mpc.condensing import (
     trajectory_cost,
 )
 from mpc.generated import compile_functions, compile_tangent
-from mpc.group import even_split
+from mpc.group import SPARED, even_split
 from mpc.period import RealTimeIteration, cost_of
 from mpc.reference import OPTIONS, solve
 from mpc.settings import MpcError, MpcSettings
@@ -538,23 +538,31 @@ def test_a_unit_on_bad_rail_is_made_up_for():
     assert last.mean() == pytest.approx(500.0, rel=0.05)
 
 
-def test_even_split_is_one_level_that_gives_the_total():
-    rng = np.random.default_rng(0)
+def test_even_split_is_one_level_that_gives_the_total_and_spares_the_last_of_a_peak():
+    rng, reached = np.random.default_rng(0), []
     for _ in range(50):
         n = 5
         scale, mass = rng.uniform(300.0, 900.0, n), rng.uniform(0.1, 1.0, n)
         share, carried, limit = mass / mass.sum(), rng.uniform(100.0, 900.0, n), rng.uniform(300.0, 900.0, n)  # fmt: skip
         target = rng.uniform(50.0, 700.0, n)
         split = even_split(target, carried, limit, scale, share)
-        upper = np.minimum(carried, limit)
-        assert np.all(split <= upper * (1 + 1e-9))
+        upper, spared = np.minimum(carried, limit), np.minimum(SPARED * carried, limit)
         wanted, most = share @ (target / scale), share @ (upper / scale)
         assert share @ (split / scale) == pytest.approx(min(wanted, most), rel=1e-9)
-        below = split < upper * (1 - 1e-9)
-        if below.any():
+        reached.append(share @ (spared / scale) >= wanted)
+        if reached[-1]:
+            assert np.all(split <= spared * (1 + 1e-9))
+            below = split < spared * (1 - 1e-9)
             level = (split / scale)[below].max()
             assert (split / scale)[below].min() == pytest.approx(level, rel=1e-9)
-            assert np.all((upper / scale)[~below] <= level * (1 + 1e-9))
+            assert np.all((spared / scale)[~below] <= level * (1 + 1e-9))
+        else:
+            # all go into what was spared alike
+            part = ((split - spared) / np.maximum(upper - spared, 1e-9))[upper > spared]
+            np.testing.assert_allclose(part, part[0], rtol=1e-9)
+            assert np.all(split <= upper * (1 + 1e-9))
+    assert any(reached)
+    assert not all(reached)
 
 
 CONVERGED = MpcSettings(iterations=1000, tolerance=1e-9, step_time=1e-6)

@@ -19,7 +19,16 @@ ROUNDING = 1e-11
 PROMISED = {
     "exact": {"exact", "qp", "qp-daqp", "qp-cvxpy", "qp-robust", "cooperative", "oracle"},
     "reference": {"greedy", "greedy-printed", "greedy-literal", "greedy-tuned"},
-    "heuristic": {"alone", "preset", "sharing", "erp", "greedy-claim"},
+    "heuristic": {
+        "alone",
+        "preset",
+        "sharing",
+        "erp",
+        "greedy-claim",
+        "wear",
+        "wear-qp",
+        "wear-cvxpy",
+    },
     "baseline": {"plan-times", "uniform"},
 }
 

@@ -39,6 +39,9 @@ NAMES = [
     "qp-robust",
     "cooperative",
     "oracle",
+    "wear",
+    "wear-qp",
+    "wear-cvxpy",
 ]
 
 
@@ -67,7 +70,7 @@ def test_when_rules_are_asked_and_what_they_know():
         "greedy-tuned": (Trigger.ANY_SLIP, Caps.DETECTED),
         "cooperative": (Trigger.LIMITED, Caps.DELIVERED),
         "oracle": (Trigger.PERIOD, Caps.TRUE),
-    }
+    } | dict.fromkeys(("wear", "wear-qp", "wear-cvxpy"), (Trigger.TELEGRAM, Caps.HELD))
     for name in NAMES:
         usual = Trigger.LIMITED, Caps.FRONT
         assert (RULES[name].trigger, RULES[name].caps) == others.get(name, usual), name
@@ -335,7 +338,7 @@ def limits(cap, upper_bound, most=1.0, plan=PLAN, needed=None):
     cap, upper_bound = np.asarray(cap, dtype=float), np.asarray(upper_bound, dtype=float)
     same = np.ones(cap.size)
     out = np.empty(cap.size)
-    units = Units(cap, same, most * same, out, cap, cap, upper_bound, plan)
+    units = Units(cap, same, most * same, out, cap, cap, upper_bound, cap, plan)
     level, reached = cooperative_law(units, plan if needed is None else needed, out)
     return out, level, reached
 

@@ -352,14 +352,16 @@ def test_fields_of_a_law_are_those_of_the_problem():
         truth=[0.13, 0.14],
     )  # fmt: skip
     assert [np.asarray(field).tolist() for field in units_of(problem)] == [
-        [0.1, 0.2], [3.0, 4.0], [0.5, 0.6], [0.11, 0.12], [0.07, 0.08], [0.13, 0.14], [np.inf] * 2, 0.15
+        [0.1, 0.2], [3.0, 4.0], [0.5, 0.6], [0.11, 0.12], [0.07, 0.08], [0.13, 0.14], [np.inf] * 2,
+        [0.1, 0.2], 0.15
     ]  # fmt: skip
     bare = AllocationProblem([0.1, 0.2], 0.15)
     assert [np.asarray(field).tolist() for field in units_of(bare)] == [
-        [0.1, 0.2], [1.0, 1.0], [np.inf] * 2, [0.15] * 2, [0.1, 0.15], [0.1, 0.2], [np.inf] * 2, 0.15
+        [0.1, 0.2], [1.0, 1.0], [np.inf] * 2, [0.15] * 2, [0.1, 0.15], [0.1, 0.2], [np.inf] * 2,
+        [0.1, 0.2], 0.15
     ]  # fmt: skip
     assert Units._fields == (
-        "cap", "mass", "limit_max", "previous", "delivered", "truth", "upper_bound", "plan"
+        "cap", "mass", "limit_max", "previous", "delivered", "truth", "upper_bound", "mark", "plan"
     )  # fmt: skip
 
 

@@ -162,14 +162,21 @@ def _grown(increments: dict[str, Any], scale: float) -> dict[str, Any]:
 
 
 BASE, BOUND = "alone", "oracle"
-RULES = (BASE, "uniform", "erp", "greedy", "exact", "cooperative", BOUND)
+RULES = (BASE, "uniform", "erp", "greedy", "exact", "cooperative", "wear", BOUND)
 """Rules that every event meets."""
-FEW = (BASE, "uniform", "cooperative", BOUND)
+FEW = (BASE, "uniform", "cooperative", "wear", BOUND)
 """Those that it meets under a controller that lives in Python."""
-CONTROLLERS = (*COMPARED, "mpc")
 WORSE = 0.003
 """Use of the bound lost from which on an event counts as worse."""
-NUMBERS = ("bound_use", "over_delivery", "headroom", "slip_time", "damage", "jerk_rms")
+NUMBERS = (
+    "bound_use",
+    "over_delivery",
+    "headroom",
+    "slip_time",
+    "damage",
+    "excess_damage",
+    "jerk_rms",
+)
 COSTS = headroom_study.COSTS
 STRATA: Mapping[str, str] = {
     **{name: f"kind == '{name}'" for name in KINDS},
@@ -200,7 +207,7 @@ def rules_of(controller: str) -> tuple[str, ...]:
     return FEW if is_hosted(controller) else RULES
 
 
-def claims_of(controllers: Iterable[str] = CONTROLLERS) -> list[Claim]:
+def claims_of(controllers: Iterable[str] = COMPARED) -> list[Claim]:
     """Under each controller, each rule that a train can carry out uses more of the bound than alone."""
     return [_gains(rule, one) for one in controllers for rule in rules_of(one)[1:-1]]
 
@@ -233,7 +240,7 @@ def statements(table: pd.DataFrame) -> list[Statement]:
     return family(*((pairs_of(table, one), claims_of([one])) for one in found))
 
 
-def cells(seed: int, k: int, controllers: Sequence[str] = CONTROLLERS) -> list[Job]:
+def cells(seed: int, k: int, controllers: Sequence[str] = COMPARED) -> list[Job]:
     """Event `k` under every controller and its rules."""
     for controller in controllers:
         check_controller(controller)

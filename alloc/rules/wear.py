@@ -1,0 +1,123 @@
+"""Allocation as the optimisation that it is: the effort of the train at the least wear, from what units report alone.
+
+In: an `AllocationProblem` with marks p, the coefficient that each unit has shown to carry. Out: the limits x that
+
+    minimise    1/2 sum m x^2 / p
+    subject to  sum m x = Mu_z sum m,    lower <= x <= upper,
+
+with the plan Mu_z and the masses m. Upper bounds are what limited units deliver now, torque limits, and rates of change.
+
+What is minimised is a model of the power that wheels dissipate, force times slip velocity. Its marginal cost is x / p, the
+share of its own peak at which a unit works. True slips are not known on board, nor is the curve. But where units share the
+shape of a curve and the slip velocity of its peak, the true marginal cost s + mu / (d mu / d s) is one rising function of
+that share for all of them. Then equal marginal cost, which is what an optimum is, is equal share in both: the model has the
+optimum of the truth, whatever the curve. `alloc.metrics.least_damage` has the truth.
+
+The program is solved in three forms that give one answer. `wear` is water filling: all units that are at no bound have one
+share, which Newton's method finds in n passes at most. `wear-qp` is a quadratic program for OSQP, certified by its active
+set, `wear-cvxpy` the same as one would write it down. With shares x / p in the place of limits and m p in that of masses,
+the program is that of `alloc.rules.qp`, so its solvers and its certificate serve here too.
+
+Where the plan is out of reach there is nothing to share: every unit is asked for `upper_bound`, that is for so much that its
+controller searches for the peak undisturbed, or for the best that it found (`alloc.onboard.distribution`).
+"""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from alloc.compilation import jit
+from alloc.rules.exact import answer_exact
+from alloc.rules.problem import (
+    CASE_A,
+    CASE_B,
+    ROUNDING,
+    Allocation,
+    AllocationProblem,
+    Floats,
+    allocation,
+)
+from alloc.rules.rule import RULES, Caps, Rule, Trigger, units_of
+
+LEAST_MARK = 1e-3
+"""Mark below which a unit's share counts as that of this mark: a unit without any adhesion has none."""
+
+
+@jit
+def wear_law(units, expected, limit_out):
+    """Fill `limit_out` with min(p L, upper) at the share L that reaches the plan; whether that is within reach.
+
+    sum m min(p L, upper) is concave in L: the iterates rise, and stop as soon as they pass no further unit's bound.
+    """
+    total, balance = 0.0, 0.0
+    for j in range(units.cap.size):
+        total += units.mass[j]
+        balance += units.mass[j] * (min(units.cap[j], units.limit_max[j]) - expected)
+    if balance <= ROUNDING * expected * total:
+        for j in range(units.cap.size):
+            asked = units.upper_bound[j] if np.isfinite(units.upper_bound[j]) else units.cap[j]
+            limit_out[j] = min(asked, units.limit_max[j])
+        return np.nan, False
+    share = 0.0
+    for _ in range(units.cap.size):
+        free, rest = 0.0, expected * total
+        for j in range(units.cap.size):
+            mark, upper = max(units.mark[j], LEAST_MARK), min(units.cap[j], units.limit_max[j])
+            if mark * share >= upper:
+                rest -= units.mass[j] * upper
+            else:
+                free += units.mass[j] * mark
+        if free == 0.0 or rest <= share * free:
+            break
+        share = rest / free
+    for j in range(units.cap.size):
+        mark = max(units.mark[j], LEAST_MARK)
+        limit_out[j] = min(mark * share, min(units.cap[j], units.limit_max[j]))
+    return np.nan, True
+
+
+def in_shares(problem: AllocationProblem) -> tuple[AllocationProblem, Floats]:
+    """The program with x / p in the place of x, which is that of `alloc.rules.qp`; and p, (n,)."""
+    mark = np.maximum(problem.peak, LEAST_MARK)
+    mass, bounds = problem.weight * mark, ("cap", "limit_max", "previous", "rate")
+    shares = {
+        name: value / mark for name in bounds if (value := getattr(problem, name)) is not None
+    }
+    nothing = dict.fromkeys(("delivered", "truth", "deviation", "mark", "upper_bound"))
+    plan = problem.expected * float(problem.weight.sum() / mass.sum())
+    return problem.changed(expected=plan, mass=mass, **shares, **nothing), mark
+
+
+def answer_wear(
+    solve: Callable[[AllocationProblem], Allocation], problem: AllocationProblem
+) -> Allocation:
+    """Limits of least wear, with `solve` for the program in shares."""
+    started = time.perf_counter()
+    if not problem.within_reach:
+        asked = np.clip(problem.searching, *problem.rate_box)
+        limit = np.where(np.isfinite(problem.searching), asked, problem.box[1])
+        return allocation(problem, limit, np.nan, CASE_A, time.perf_counter() - started)
+    shares, mark = in_shares(problem)
+    answer = solve(shares)
+    limit = np.clip(mark * answer.limit, *problem.box)
+    spent = time.perf_counter() - started
+    return allocation(problem, limit, np.nan, CASE_B, spent, answer.status)
+
+
+def answer_by_filling(problem: AllocationProblem) -> Allocation:
+    """Limits of least wear by water filling, with or without limits on their rate of change."""
+    if problem.rate is not None:
+        return answer_wear(answer_exact, problem)
+    started = time.perf_counter()
+    limit = np.empty(problem.n)
+    level, reached = wear_law(units_of(problem), problem.expected, limit)
+    case = CASE_B if reached else CASE_A
+    return allocation(problem, limit, level, case, time.perf_counter() - started)
+
+
+WEAR = Rule(
+    "wear", "the plan at the least wear: each unit the same share of what it has shown to carry", answer_by_filling,
+    wear_law, trigger=Trigger.TELEGRAM, caps=Caps.HELD, colour="#6d5e3d", marker="$W$",
+)  # fmt: skip
+RULES.register("wear", WEAR)
