@@ -82,7 +82,7 @@ CLAIMS = {
 @figure("claim-verdicts", "claims (a) to (e) of JP5484215 under cut-and-ramp: each verdict over its threshold",
         CLAIM_TABLE)  # fmt: skip
 def claim_verdicts(table: pd.DataFrame) -> Figure:
-    """One panel per claim: the mean that decides, with its interval and that after Holm."""
+    """One panel per claim: the mean that decides, with the interval that decides (Student's t, widened after Holm)."""
     return _of_claims(table, COMPARED[0])
 
 
@@ -104,7 +104,7 @@ def _of_claims(table: pd.DataFrame, controller: str) -> Figure:
 
 
 def verdict_strips(strips: Iterable[Strip]) -> Figure:
-    """One panel per threshold: each mean with its interval, and that after Holm, coloured by its verdict."""
+    """One panel per threshold: each mean with its interval after Holm, coloured by its verdict."""
     shown = list(strips)
     rows = [ROW * max(len(strip.rows), 1.5) for strip in shown]
     height = BETWEEN * (1 + len(rows)) + sum(rows)
@@ -114,8 +114,7 @@ def verdict_strips(strips: Iterable[Strip]) -> Figure:
     seen = {s.verdict for strip in shown for s in strip.rows.values()}
     handles = [handle(v, linestyle="none", **look) for v, look in LOOKS.items() if v in seen]
     handles += [
-        handle("95 %, bootstrap", color=DARK, linewidth=2.2),
-        handle("Student's t after Holm", color=DARK, linewidth=0.7),
+        handle("interval that decides: Student's t after Holm", color=DARK, linewidth=1.2),
         handle("threshold, claimed side shaded", **BOUND),
     ]
     legend_below(drawn, handles, 4)
@@ -128,11 +127,8 @@ def _strip(axes: Axes, strip: Strip) -> None:
         test, look = statement.test, LOOKS[statement.verdict]
         assert test is not None
         if statement.verdict != TOO_FEW:
-            after = {"color": look["color"], "marker": "", "linestyle": "none"}
-            after |= {"elinewidth": 0.7, "capsize": 2.0}
-            interval_mark(axes, test.adjusted, y, strip.factor, after)
-            wide = look | {"elinewidth": 2.2, "markersize": 5.5}
-            interval_mark(axes, test.estimate, y, strip.factor, wide)
+            mark = look | {"elinewidth": 1.2, "capsize": 2.5, "markersize": 5.5}
+            interval_mark(axes, test.adjusted, y, strip.factor, mark)
         axes.text(1.015, y, _words(statement, test), transform=axes.get_yaxis_transform(),
                   color=DARK, fontsize=NOTE, va="center")  # fmt: skip
     test = next(s.test for s in strip.rows.values() if s.test)

@@ -8,8 +8,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from alloc.metrics import METRICS
@@ -25,7 +26,7 @@ from studies.comparison.summary import (
 )
 from studies.comparison.table import COLUMNS, Column, applies, tells
 from studies.core.drawn_events import complete
-from studies.core.statement import Interval
+from studies.core.statement import LEAST_SHOWN, Interval, mean_interval
 from studies.core.store import ROWS
 from studies.core.study import study_folder
 from studies.patent.headroom_study import (
@@ -52,12 +53,11 @@ class Standing:
     rule: str
     controller: str
     events: int
-    gain: float
-    """Mean over the events of the difference in `EFFORT`."""
+    differences: dict[str, Interval]
+    """`EFFORT` and each of `COSTS`: mean over the events of the difference, and how much events differ; nan where no event
+    has it."""
     over: float
     """Mean over the events of what it delivers beyond the plan, as a share of the plan."""
-    costs: dict[str, float]
-    """The same of each of `COSTS`; nan where no event has it."""
     better: int
     worse: int
     """Events in which the effort is more, or less, with an interval that excludes zero, or in which nothing is drawn."""
@@ -67,6 +67,11 @@ class Standing:
     """Events whose interval includes zero, or with one seed where several could be drawn."""
     idea: bool
     """Whether the rule knows what nobody on board can know."""
+
+    @property
+    def gain(self) -> float:
+        """Mean over the events of the difference in `EFFORT`."""
+        return self.differences[EFFORT].value
 
     @property
     def ranked(self) -> bool:
@@ -107,18 +112,64 @@ def _standing(lines: Sequence[SummaryLine], fixed: Collection[str]) -> Standing:
     rule = lines[0].rule
     return Standing(
         rule, lines[0].controller, sum(line.differences[EFFORT].count > 0 for line in lines),
-        _mean(lines, EFFORT), _known_mean([line.over for line in lines]),
-        {name: _mean(lines, name) for name in COSTS},
+        {name: _over_events(lines, name) for name in (EFFORT, *COSTS)}, _known_mean([line.over for line in lines]),
         signs.count(1), signs.count(-1), signs.count(0), signs.count(None),
         rule in RULES and RULES[rule].needs_truth,
     )  # fmt: skip
 
 
-def _mean(lines: Sequence[SummaryLine], metric: str) -> float:
-    """Mean over events of a metric's difference."""
-    return _known_mean(
-        [line.differences[metric].value for line in lines if metric in line.differences]
-    )
+def _over_events(lines: Sequence[SummaryLine], metric: str) -> Interval:
+    """Mean over events of a metric's difference with its interval."""
+    values = [one.differences[metric].value for one in lines if metric in one.differences]
+    return mean_interval(pd.Series(values, dtype=float))
+
+
+def told_interval(found: Interval, factor: float, digits: int) -> str:
+    """The interval in brackets, as text; empty of fewer than `LEAST_SHOWN` events."""
+    if found.count < LEAST_SHOWN:
+        return ""
+    return "[{}, {}]".format(*(signed(factor * end, digits) for end in (found.low, found.high)))
+
+
+def signed(value: float, digits: int) -> str:
+    """With its sign, a true minus, and none where it rounds to zero."""
+    if math.isnan(value):
+        return "–"
+    return f"{round(value, digits) + 0.0:+.{digits}f}".replace("-", "\N{MINUS SIGN}")
+
+
+class Forest(NamedTuple):
+    """A picture of the gains, each with its interval: all on one scale, so that rows can be compared."""
+
+    width: float
+    zero: float
+    """Place of no difference [px]."""
+    low: float
+    """Gain at the left end [points of the bound]."""
+    high: float
+    """Gain at the right end [points of the bound]."""
+    rows: list[tuple[float, float, float]]
+    """Places of the mean and of both ends of its interval [px]; without an interval all are the mean's."""
+
+
+FOREST_WIDTH, FOREST_EDGE = 150.0, 8.0
+"""Width of the picture and room at its ends [px]."""
+
+
+def forest(found: Sequence[Standing]) -> Forest:
+    """The picture of the gains of `found`, in their order."""
+    ends = []
+    for one in found:
+        mean = one.differences[EFFORT]
+        shown = mean.count >= LEAST_SHOWN
+        ends.append((mean.value, *((mean.low, mean.high) if shown else (mean.value, mean.value))))
+    values = 100.0 * np.array(ends or [(0.0, 0.0, 0.0)])
+    low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+    span = (high - low) or 1.0
+    places = FOREST_EDGE + (FOREST_WIDTH - 2.0 * FOREST_EDGE) * (values - low) / span
+    zero = FOREST_EDGE + (FOREST_WIDTH - 2.0 * FOREST_EDGE) * -low / span
+    rows = [(round(m, 1), round(a, 1), round(b, 1)) for m, a, b in places.tolist()]
+    return Forest(FOREST_WIDTH, round(zero, 1), low, high, rows if ends else [])
 
 
 def _known_mean(values: Sequence[float]) -> float:
@@ -202,10 +253,9 @@ def _at_what_price(best: Standing, bound: Standing | None) -> str:
         text += f"; {best.undecided} undecided." if best.undecided else "."
     else:
         text = f"Under {best.controller}, of {events}, none is decided."
-    slip, damage = best.costs["slip_time"], best.costs["damage"]
+    slip, damage, jerk = (best.differences[name].value for name in COSTS)
     if not math.isnan(slip + damage):
         text += f" Slip changes by {_signed(slip)} axle s and wheel damage by {_signed(damage)} kJ per event"
-        jerk = best.costs["jerk_rms"]
         text += "" if math.isnan(jerk) else f", jerk by {jerk + 0.0:+.2f} m/s³"
         text += (
             "."

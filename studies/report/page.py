@@ -3,7 +3,6 @@
 import hashlib
 import inspect
 import json
-import math
 import os
 import platform
 from collections.abc import Mapping, Sequence
@@ -22,24 +21,29 @@ from alloc.onboard.host import CONTROLLERS
 from alloc.plant.adhesion import CURVES
 from alloc.recording import provenance
 from alloc.rules import RULES
-from studies.comparison.summary import REFERENCE, Grid, SummaryLine, summarise
+from studies.comparison.summary import EFFORT, REFERENCE, Grid, SummaryLine, summarise
 from studies.core.cell import OnRow
 from studies.core.own_parts import try_parts
 from studies.core.plugins import plugin_modules
 from studies.core.run import Workers, run_cells
+from studies.core.statement import LEAST_SHOWN
 from studies.core.store import Store
 from studies.files.study_error import StudyError
 from studies.report.answer import (
     Gain,
     Heading,
+    Standing,
     as_values,
     drawn_gains,
+    forest,
     gains_of,
     headings,
     sentences,
     shown_columns,
+    signed,
     standings,
     table_rows,
+    told_interval,
 )
 from studies.report.replay import PERIOD, Replay, ReplayCell, deflated, drawing, replays_of
 from studies.report.run_parts import module_of_controller, module_text, train_text
@@ -142,8 +146,8 @@ def _processor() -> str:
 
 HERE = Path(__file__).parent
 SCRIPTS = (
-    "unpack.js", "table.js", "plot_look.js", "headroom.js", "part.js", "train_plot.js", "force_plots.js", "replay.js",
-    "start.js",
+    "unpack.js", "download.js", "table.js", "plot_look.js", "headroom.js", "part.js", "train_plot.js", "force_plots.js",
+    "replay.js", "start.js",
 )  # fmt: skip
 MOST_BYTES = 15_000_000
 """Size of a page [bytes], which mail and most readers take; replays beyond it are left out."""
@@ -205,17 +209,22 @@ def _render(material: Material, replays: Sequence[Replay]) -> str:
     columns = shown_columns(lines)
     rows = table_rows(lines, columns)
     found = standings(lines, {one.name for one in grid.scenarios if not one.draws()})
+    best = max((one for one in found if one.ranked), key=lambda one: one.gain, default=None)
     controllers = tuple(dict.fromkeys((*grid.controllers, *grid.once)))
     place = Environment(
         loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    place.globals.update(count=_count, signed=_signed, hint=_hint, repr=repr, zip=zip)
+    place.globals.update(
+        count=_count, signed=signed, told=told_interval, hint=_hint, repr=repr, zip=zip
+    )
     seed = grid.seeds[0]
     return place.get_template("page.html").render(
-        style=(HERE / "page.css").read_text(), program=_program(), plotly=_plotly(), content=_content(material, replays),
+        style=(HERE / "page.css").read_text(), program=_program(), plotly=_plotly(),
+        content=_content(material, replays, best),
         lines=lines, headings=headings(columns), rows=rows, bad=[row for row in rows if row.status],
-        standings=found, sentences=sentences(lines, found), reference=REFERENCE,
+        standings=found, forest=forest(found), effort=EFFORT, least=LEAST_SHOWN,
+        sentences=sentences(lines, found), reference=REFERENCE,
         events=events(table, grid.scenarios), rules=_rules(grid),
         controllers={name: CONTROLLERS[name].meaning for name in controllers},
         facts=facts(table, material.command), cited=cited(grid), gains=material.gains,
@@ -226,11 +235,11 @@ def _render(material: Material, replays: Sequence[Replay]) -> str:
     )  # fmt: skip
 
 
-def _content(material: Material, replays: Sequence[Replay]) -> str:
+def _content(material: Material, replays: Sequence[Replay], best: Standing | None) -> str:
     """What the page's programs read, as JSON that ends no script."""
     content = {
         "seed": material.grid.seeds[0],
-        "first": _first(material, replays),
+        "first": _first(material, replays, best),
         "rules": _rules(material.grid),
         "events": {
             one.name: {"title": one.title} | drawing(one.event(material.grid.seeds[0]).model)
@@ -242,11 +251,12 @@ def _content(material: Material, replays: Sequence[Replay]) -> str:
     return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _first(material: Material, replays: Sequence[Replay]) -> str:
-    """The run that is shown first: where a rule that a train can carry out gains most."""
+def _first(material: Material, replays: Sequence[Replay], best: Standing | None) -> str:
+    """The run that is shown first: of the best rule, the event in which it gains most; else of any that is carried out."""
     shown = {one.label for one in replays if one.run}
     seed = material.grid.seeds[0]
-    ranked = sorted(material.gains, key=lambda one: -one.gain)
+    mine = (best.rule, best.controller) if best is not None else None
+    ranked = sorted(material.gains, key=lambda one: ((one.rule, one.controller) != mine, -one.gain))
     for one in ranked:
         name = f"{one.scenario}/{one.rule}/{one.controller}"
         if f"{name}/{seed}" in shown and not RULES[one.rule].needs_truth:
@@ -283,10 +293,6 @@ def _plotly() -> str:
 
 def _count(number: int, thing: str) -> str:
     return f"{number} {thing}{'' if number == 1 else 's'}"
-
-
-def _signed(value: float, digits: int) -> str:
-    return "–" if math.isnan(value) else f"{round(value, digits) + 0.0:+.{digits}f}"
 
 
 def _hint(one: Heading) -> str:

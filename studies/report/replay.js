@@ -5,7 +5,7 @@ async function startReplay(page) {
   const choice = Object.fromEntries(["event", "rule", "controller", "other"].map((name) => [name, element(name)]));
   const [slider, play, pace, unit, part, readout, trouble] =
     ["instant", "play", "pace", "unit", "part", "readout", "trouble"].map(element);
-  const known = new Map();
+  const known = new Map(), address = element("link");
   let run = null, parts = [], playing = false, last = 0, exact = 0, asked = 0;
 
   const label = (rule) => `${choice.event.value}/${rule}/${choice.controller.value}/${page.seed}`;
@@ -67,6 +67,8 @@ async function startReplay(page) {
     const k = Number(slider.value);
     slider.setAttribute("aria-valuetext", `${run.time[k].toFixed(2)} seconds`);
     readout.innerHTML = wordsAt(run, k);
+    const chosen = ["event", "rule", "controller", "other"].map((name) => encodeURIComponent(choice[name].value));
+    address.href = `#replay=${chosen.join("/")}/${run.time[k].toFixed(2)}`;
     drawInstant(run, k);
   }
 
@@ -110,8 +112,23 @@ async function startReplay(page) {
     element("replay").scrollIntoView({ behavior: "smooth" });
   });
 
+  // A link that was copied: event/rule/controller/beside it/time; what this page does not have is passed over
+  async function restore() {
+    if (!location.hash.startsWith("#replay=")) return false;
+    const told = location.hash.slice(8).split("/").map(decodeURIComponent), time = Number(told.pop());
+    const lists = [choice.event, choice.rule, choice.controller, choice.other];
+    const fits = (list, value) => [...list.options].some((one) => one.value === value);
+    if (told.length !== lists.length || !told.every((value, k) => fits(lists[k], value))) return false;
+    lists.forEach((list, k) => (list.value = told[k]));
+    await choose();
+    if (run && Number.isFinite(time)) document.dispatchEvent(new CustomEvent("instant", { detail: time }));
+    element("replay").scrollIntoView();
+    return true;
+  }
+
   [choice.event.value, choice.rule.value, choice.controller.value] = page.first.split("/");
-  await choose();
+  window.addEventListener("hashchange", restore);
+  if (!(await restore())) await choose();
 }
 
 // Adds to a run what the plots show of its units [kN], in the direction of the demand: each (instants,)

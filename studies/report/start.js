@@ -3,6 +3,7 @@
 async function start() {
   startTable();
   startHints();
+  startDownloads();
   const page = JSON.parse(document.getElementById("content").textContent);
   const note = document.getElementById("plot-note");
   if (typeof DecompressionStream === "undefined") {

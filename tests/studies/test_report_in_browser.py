@@ -1,5 +1,6 @@
 """The page in a real Chromium without network: it starts without a message, and what can be operated does what it says."""
 
+import csv
 import os
 import shutil
 from dataclasses import replace
@@ -148,6 +149,57 @@ def test_a_choice_shows_another_run_and_bars_have_its_forces(tab, made):
     structure = made[0].grid.scenarios[1].event(0).model.structure
     wanted = [force[structure.axle_unit == unit].sum() / 1e3 for unit in range(len(drawn))]
     np.testing.assert_allclose(drawn, wanted, rtol=1e-5)
+
+
+def test_a_link_restores_run_and_instant_and_one_that_fits_nothing_is_passed_over(opened, made):
+    tab = opened(viewport={"width": 1200, "height": 900})
+    for name, value in (("event", "milder"), ("rule", "exact"), ("controller", "cut-and-ramp")):
+        tab.select_option(f"#{name}", value)
+    sync_api.expect(tab.locator("#event-title")).to_contain_text("exact under cut-and-ramp")
+    tab.locator("#instant").fill("20")
+    link = tab.locator("#link").get_attribute("href")
+    assert link == "#replay=milder/exact/cut-and-ramp/alone/1.00"
+    before = tab.evaluate(
+        "['event', 'rule', 'controller'].map((one) => document.getElementById(one).value)"
+    )
+    tab.goto("about:blank")
+    for address, wanted in ((link, before), ("#replay=none/exact/none/alone/1.00", None)):
+        tab.goto(made[1].as_uri() + address)
+        tab.wait_for_selector("body[data-ready=yes]", timeout=60_000)
+        found = tab.evaluate(
+            "['event', 'rule', 'controller'].map((one) => document.getElementById(one).value)"
+        )
+        if wanted is None:
+            assert found[0] != "none"
+        else:
+            assert found == wanted
+            assert tab.locator("#readout").inner_text().startswith("1.00 s")
+        tab.goto("about:blank")
+
+
+def test_tables_and_plots_are_given_as_files(opened, made):
+    tab = opened(viewport={"width": 1200, "height": 900})
+    files = {}
+    for selector in ('[data-csv="standings"]', '[data-csv="runs"]', '[data-svg="force-plot"]'):
+        with tab.expect_download() as download:
+            tab.click(selector)
+        files[download.value.suggested_filename] = download.value.path().read_text()
+    assert files["force-plot.svg"].startswith("<svg")
+    rows = list(csv.DictReader(files["runs.csv"].splitlines()))
+    assert len(rows) == 12
+    stored = made[0].rows
+    own = stored[
+        (stored["scenario"] == "short")
+        & (stored["rule"] == "exact")
+        & (stored["controller"] == "none")
+    ]
+    (row,) = (
+        r for r in rows if (r["event"], r["rule"], r["controller"]) == ("short", "exact", "none")
+    )
+    assert float(row["bound_use"]) == pytest.approx(own["bound_use"].mean())
+    assert [r["rule"] for r in csv.DictReader(files["standings.csv"].splitlines())].count(
+        "exact"
+    ) == 2
 
 
 def test_a_run_that_failed_shows_its_reason_in_place_of_plots_and_a_degraded_one_both(tab):

@@ -4,9 +4,11 @@ import json
 import math
 import re
 import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,18 +18,22 @@ from alloc.metrics.use import headroom
 from studies.comparison.summary import EFFORT, MOST_OVER, REFERENCE, SummaryLine
 from studies.comparison.table import COLUMNS, tables
 from studies.core.job import simulate_job
-from studies.core.statement import Interval
+from studies.core.statement import Interval, mean_interval
 from studies.core.study import study_folder
 from studies.files.study_error import StudyError
 from studies.patent.headroom_study import HEADROOM, measure
 from studies.report import page
 from studies.report.answer import (
     EQUAL,
+    Gain,
     drawn_gains,
+    forest,
     sentences,
     sign_of,
+    signed,
     standings,
     table_rows,
+    told_interval,
 )
 from studies.report.replay import KEPT, kept, pack, unpack
 from studies.scenario.scenario import load_scenario
@@ -205,6 +211,41 @@ def test_with_every_sign_turned_what_was_more_is_less():
     assert (one.better, one.worse) == (other.worse, other.better) == (1, 1)
     assert one.better + one.worse + one.equal + one.undecided == len(gains)
     assert one.gain == pytest.approx(-other.gain)
+
+
+def test_the_answer_has_intervals_over_five_events_or_more_and_a_picture_on_one_scale():
+    gains = dict(zip("abcde", (0.01, 0.03, 0.02, 0.05, 0.04), strict=True))
+    lines = [line(rule, way * gain, 0.005, name) for rule, way in (("exact", 1), ("greedy", -1))
+             for name, gain in gains.items()]  # fmt: skip
+    found = standings(lines, ())
+    for one, way in zip(found, (1, -1), strict=True):
+        mean = mean_interval(pd.Series([way * gain for gain in gains.values()]))
+        assert one.differences[EFFORT] == mean
+        assert (
+            told_interval(mean, 100.0, 2)
+            == f"[{signed(100 * mean.low, 2)}, {signed(100 * mean.high, 2)}]"
+        )
+    drawn = forest(found)
+    scale = [drawn.zero + (drawn.rows[0][0] - drawn.zero) * x / 0.03 for x in
+             [end for one in found for d in [one.differences[EFFORT]] for end in (d.value, d.low, d.high)]]  # fmt: skip
+    np.testing.assert_allclose(np.ravel(drawn.rows), scale, atol=0.2)
+    assert 0.0 < min(map(min, drawn.rows)) < max(map(max, drawn.rows)) < drawn.width
+    few = standings(lines[:4], ())  # the picture of fewer has points
+    assert told_interval(few[0].differences[EFFORT], 100.0, 2) == ""
+    assert len(set(forest(few).rows[0])) == 1
+
+
+def test_the_page_opens_where_the_best_rule_gains_most(made):
+    shown = [one for one in made.material.replays if one.run]
+    gains = [Gain(scenario, rule, "none", 0.1, gain) for scenario, rule, gain in (
+        ("short", "exact", 0.01), ("milder", "exact", 0.02), ("short", "oracle", 0.5))]  # fmt: skip
+    material = replace(
+        made.material, gains=[*gains, Gain("short", "exact", "cut-and-ramp", 0.1, 0.3)]
+    )
+    best = standings([line(REFERENCE, 0.0), line("exact", 0.1)], ())[0]
+    assert (best.rule, best.controller) == ("exact", "none")
+    assert page._first(material, shown, best) == "milder/exact/none"
+    assert page._first(material, shown, None) == "short/exact/cut-and-ramp"
 
 
 def test_the_answer_names_the_best_rule_that_a_train_can_carry_out():
