@@ -33,6 +33,7 @@ class Axle:
         self.keep, self.old, self.new = observer_gains(self.b.pole, PERIOD)
         self.weights = torque_weights(self.b.pole, context.torque_lag)
         self.noise, self.peak = axle_observer.FIRST_NOISE, self.b.initial
+        self.age, self.of_first = axle_observer.FIRST_READINGS, None
         self.variance = (axle_observer.DOUBT * self.peak) ** 2
         self.mean, self.of_slip, self.of_coefficient = None, 0j, 0j
 
@@ -54,8 +55,13 @@ class Axle:
         self.mu = (self.filtered - turned) / (load * c.radius)
         rough = abs((w - self.w1) - (self.w1 - self.w2)) / 1.95
         most = axle_observer.ROUGHEST * max(self.noise, axle_observer.SMALLEST_NOISE)
-        share = 1.0 - math.exp(-PERIOD / axle_observer.NOISE_TIME)
-        self.noise = (1.0 - share) * self.noise + share * min(rough, most)
+        # a plain mean, in which the guess stands for readings, until it is as old as the memory of an exponential one
+        old = self.age / (self.age + 1.0)
+        self.age += 1.0
+        kept = min(old, math.exp(-PERIOD / axle_observer.NOISE_TIME))
+        self.noise = kept * self.noise + (1.0 - kept) * min(rough, most)
+        # weight that the very first reading has in the filtered slip
+        self.of_first = 1.0 if self.of_first is None else self.keep * self.of_first
         self.slip = self.keep * self.slip + self.old * self.w1 + self.new * w
         self.w2, self.w1 = self.w1, w
 
@@ -75,7 +81,8 @@ class Axle:
         slope = self.peak * n * (1.0 - x * x) / (1.0 + (n - 2.0) * x + x * x) ** 2 / top
         felt = b.pole * c.inertia / (c.radius**2 * c.axle_load) * noise
         own = b.coefficient_error + b.relative_error * abs(self.mu)
-        of_slip = b.slip_error**2 + (1.0 - self.keep) / (1.0 + self.keep) * noise**2
+        settled = (1.0 - self.keep) / (1.0 + self.keep)
+        of_slip = b.slip_error**2 + max(settled, self.of_first**2) * noise**2
         repeat = max(1.0, 2.0 / (b.pole * PERIOD))
         single = own**2 + felt**2 + slope**2 * of_slip
         moving = (0.5 * slope * (self.w1 - self.slip)) ** 2
@@ -99,32 +106,39 @@ class Axle:
         curve.variance *= 1.0 - by_slope**2 * curve.variance / total
         return doubted
 
-    def demodulate(self, phase, felt, swing):
-        """Whether the axle is listened to, and whether its rail jumped."""
+    def demodulate(self, phase, felt, noise, sought, swing):
+        """What the pair is: "none" to listen to, the "first", a "return" of adhesion, a "jump" of the rail, or "heard".
+
+        `sought`: slip that the search has arrived at, `swing`: its swing, a share.
+        """
         if self.slip < slip_search.LEAST_SLIP or self.mu < slip_search.LEAST_COEFFICIENT:
             self.mean = None
-            return False, False
+            return "none"
         pair = np.log([self.slip, self.mu])
-        jump = max(
-            slip_search.JUMP,
-            slip_search.WHOLE_SWING * max(self.s.swing, swing),
-            slip_search.SURE * felt / self.mu,
-        )
+        swung = slip_search.WHOLE_SWING * max(self.s.swing, swing)
+        kind = "heard"
         if self.mean is None:
-            self.mean, self.of_slip, self.of_coefficient = pair, 0j, 0j
-            return True, True
-        if abs(pair[1] - self.mean[1]) > jump:
-            kept = slip_search.KEPT_AFTER_JUMP
+            kind = "first"
+        else:
+            held = min(math.exp(self.mean[0]), sought)
+            leap = max(held * slip_search.LEAP, held * swung, slip_search.FELL * noise)
+            jump = max(slip_search.JUMP, swung, slip_search.SURE * felt / self.mu)
+            if self.slip < held - leap:
+                kind = "return"
+            elif abs(pair[1] - self.mean[1]) > jump:
+                kind = "jump"
+        if kind != "heard":
+            kept = slip_search.KEPT_AFTER_JUMP if kind == "jump" else 0.0
             self.mean = pair
             self.of_slip, self.of_coefficient = kept * self.of_slip, kept * self.of_coefficient
-            return True, True
+            return kind
         self.mean = self.mean + (1.0 - math.exp(-PERIOD / slip_search.MEAN_TIME)) * (
             pair - self.mean
         )
         turn, kept = cmath.exp(1j * phase) * PERIOD, math.exp(-PERIOD / self.s.memory)
         self.of_slip = kept * self.of_slip + turn * (pair - self.mean)[0]
         self.of_coefficient = kept * self.of_coefficient + turn * (pair - self.mean)[1]
-        return True, False
+        return kind
 
 
 class Curve:
@@ -132,7 +146,8 @@ class Curve:
 
     def __init__(self, settings):
         self.walk = settings.belief.slope_walk
-        self.predicted = self.top = settings.search.first / slip_search.USUAL_SHARE
+        self.first = settings.search.first / slip_search.USUAL_SHARE
+        self.predicted = self.top = self.first
         self.log_slope = math.log(curve_filter.USUAL_STEEPNESS / self.top)
         self.variance, self.heard_for = curve_filter.FIRST_DEVIATION**2, 0.0
 
@@ -154,6 +169,8 @@ class Curve:
             self.log_slope += math.log(sum(before) / sum(a.peak for a in axles))
             guess = curve_filter.USUAL_STEEPNESS / self.slope
             self.top = float(np.clip(guess, *curve_filter.PEAK_SLIPS))
+            if self.top < self.first:  # half way, in the logarithm, back to where it began
+                self.top = math.exp(0.5 * (math.log(self.top) + math.log(self.first)))
 
     def hear(self, slip, e, told):
         self.heard_for += PERIOD * told
@@ -181,26 +198,40 @@ class Unit:
         self.phase = slip_search.GOLDEN * context.unit
         self.limited_for, self.fresh = 0.0, True
         turning = 2.0 * math.pi / self.s.swing_time
-        lag = math.atan(turning / settings.belief.pole) + turning * slip_search.ANSWER_LAG
-        self.answer = 1j * cmath.exp(1j * lag)
+        # the answer is behind by the filter of the pairs, by the motors, and by the rest of the loop
+        passed = (1.0 + 1j * turning / settings.belief.pole) * (
+            1.0 + 1j * turning * context.torque_lag
+        )
+        rest = cmath.exp(1j * turning * slip_search.ANSWER_LAG)
+        self.answer = 1j * passed / abs(passed) * rest
         self.noise = (slip_search.FIRST_ERROR * 0.5 * self.s.memory * self.s.swing) ** 2
         self.elasticity = self.certainty = self.air = 0.0
         self.step_share, self.error, self.away, self.beyond = 1.0, 0.0, 0.0, False
         self.below = 0.0
         self.seen = set()
 
-    def doubt_peaks(self, follows):
+    def doubt_peaks(self, follows, felt):
         weakest = min(self.axles, key=lambda one: one.peak)
+        left = search_step.FULL * weakest.peak - weakest.mu
         if follows:
             self.below = 0.0
-        elif weakest.mu > search_step.FULL * weakest.peak:
+        elif weakest.mu > weakest.peak:
+            self.below += search_step.MORE * PERIOD
+            self.seen.add("felt more")
+        elif left < search_step.WITHIN_NOISE * felt:
             self.below += PERIOD
+            self.seen.add("used up")
+            if left >= 0.0:
+                self.seen.add("used up but for noise")
         else:
             self.below = max(self.below - PERIOD, 0.0)
         if self.below > search_step.UNTESTED:
             self.seen.add("doubted peak")
             for a in self.axles:
                 a.peak *= math.exp(search_step.DOUBTED_RISE * PERIOD)
+                if a.peak > a.b.ceiling:
+                    a.peak = a.b.ceiling
+                    self.seen.add("doubted to the ceiling")
 
     def search(self, noise, limited):
         s = self.s
@@ -224,18 +255,21 @@ class Unit:
         self.limited_for += PERIOD
         heard = []
         for a in self.axles:
-            listened, jumped = a.demodulate(self.phase, felt, self.swing)
-            if jumped:
+            kind = a.demodulate(self.phase, felt, noise, self.slip, self.swing)
+            self.seen.add(kind)
+            if kind == "none":
+                continue
+            heard.append(a)
+            if kind != "heard":
                 self.swing = max(self.swing, s.swing)
                 self.step_share = 1.0
-                self.seen.add("jump")
-            if listened:
-                heard.append(a)
+            if kind == "return":
+                self.certainty = 0.0
         a = max(heard, key=lambda one: one.mean[0]) if heard else None
         slip = math.exp(a.mean[0]) if heard else 0.0
         follows = slip > slip_search.AT_LIMIT * self.slip
         told = self.certainty > search_step.HARDLY
-        self.doubt_peaks(follows and (told or slip > slip_search.BINDS * self.slip))
+        self.doubt_peaks(follows and (told or slip > slip_search.BINDS * self.slip), felt)
         if not heard:
             self.seen.add("nothing heard")
             return
