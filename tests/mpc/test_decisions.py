@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import mpc.group as group_problem
 import mpc.train as joint_problem
 import mpc.train as train_controller
 from alloc.onboard.host import TorqueDecision
@@ -18,7 +17,7 @@ from mpc.condensing import STEEPEST_SLOPE
 from mpc.group import CarControllers, GroupController, GroupProblem, WheelsAndRail, even_split
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
 from mpc.model import air_place, parameters, torque_per_coefficient
-from mpc.period import HorizonSolution, PredictiveController, cost_of
+from mpc.period import HorizonSolution, PredictiveController, RealTimeIteration, cost_of
 from mpc.settings import GroupSettings, MpcSettings, PeakBelief
 from mpc.train import NO_SLIP_LIMIT, JointProblem, Report, TrainMpc
 from mpc.unit import STATUSES
@@ -194,7 +193,9 @@ def no_solver(monkeypatch):
             super().__init__(np.arange(100.0))
             made.append((units, settings, evenness))
 
-    monkeypatch.setattr(group_problem, "RealTimeIteration", Noted)
+    for maker in (GroupProblem, GroupController):
+        assert maker.__init__.__defaults__ == (None, RealTimeIteration)
+        monkeypatch.setattr(maker.__init__, "__defaults__", (None, Noted))
     return made
 
 
