@@ -110,7 +110,9 @@ class Registry(Mapping[str, Part], Generic[Part]):
             return self._parts[name]
         if name in self._installed:
             return self._installed[name].load()
-        near = get_close_matches(str(name).lower(), [*self._parts, *self._installed], 1)
+        asked, known = str(name).lower(), [*self._parts, *self._installed]
+        begun = [one for one in known if one.startswith(asked)]
+        near = begun or get_close_matches(asked, known, 1)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise UnknownName(f"unknown {self.kind} {name!r}; {hint}Known: {', '.join(self)}")
 

@@ -114,6 +114,10 @@ def logarithmic_increments(
     return slope * np.log(np.arange(1, axle_count + 1)) + offset
 
 
+MOST_LEVEL = 2.0
+"""A greater coefficient is a percentage by mistake."""
+
+
 @displayed
 @dataclass(frozen=True, repr=False)
 class Rail:
@@ -177,9 +181,9 @@ class Rail:
         positive = ("level", *lengths, "conditioning_slip", *sand, *recovery)
         nonnegative = ("scatter", "conditioning", "recovered_coefficient")
         PlantError.check("rail", self, positive, nonnegative)
-        if self.speed_law == "none" and self.level > 1.0:
+        if self.speed_law == "none" and self.level > MOST_LEVEL:
             raise PlantError(
-                f"rail: level = {self.level!r} must be a coefficient, at most 1: 14 % is 0.14"
+                f"rail: level = {self.level!r} must be a coefficient, at most {MOST_LEVEL:g}: 14 % is 0.14"
             )
         if self.increments is not None:
             PlantError.check("rail", self, finite=("increments[]",))

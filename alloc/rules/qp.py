@@ -264,7 +264,7 @@ RULES.register("qp-cvxpy", QP_CVXPY)
 
 
 WEAR_QP = replace(
-    WEAR, name="wear-qp", description="wear as a quadratic program (OSQP)", law=None, colour="#145674", marker="$Q$",
+    WEAR, name="wear-qp", description="wear as a quadratic program (OSQP)", law=None, colour="#b87557", marker="$Q$",
     answer=partial(answer_wear, partial(answer_by, OsqpProblem, "wear-qp")),
 )  # fmt: skip
 WEAR_CVXPY = replace(

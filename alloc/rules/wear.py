@@ -118,6 +118,6 @@ def answer_by_filling(problem: AllocationProblem) -> Allocation:
 
 WEAR = Rule(
     "wear", "the plan at the least wear: each unit the same share of what it has shown to carry", answer_by_filling,
-    wear_law, trigger=Trigger.TELEGRAM, caps=Caps.HELD, colour="#6d5e3d", marker="$W$",
+    wear_law, trigger=Trigger.TELEGRAM, caps=Caps.HELD, colour="#1b2c28", marker="$W$",
 )  # fmt: skip
 RULES.register("wear", WEAR)

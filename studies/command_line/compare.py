@@ -127,10 +127,11 @@ def compare(
     parts = {name: split_names(words) for name, words in given.items()}
     chosen = _scenarios(parts["scenario"], line, train)
     grid = make_grid(chosen, parts["rules"], parts["controllers"], seeds)
-    cells = shard.of_cells(grid.jobs())
+    jobs = grid.jobs()
     for pattern in keep or ():
-        if not any(fnmatchcase(cell.label, pattern) for cell in cells):
-            raise StudyError(f"--keep {pattern}: no run is called so; one is {cells[0].label}")
+        if not any(fnmatchcase(job.label, pattern) for job in jobs):
+            raise StudyError(f"--keep {pattern}: no run is called so; one is {jobs[0].label}")
+    cells = shard.of_cells(jobs)
     if show.dry_run:
         console().print(forecast(cells, Store(out), process_count(work.jobs)))
         return 0

@@ -16,7 +16,7 @@ class FileWarning(UserWarning):
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """The known name that `name` most resembles, None if there is none."""
-    found = get_close_matches(name.lower(), list(known), 1)
+    found = get_close_matches(name.lower(), list(known), 1, cutoff=0.5)
     return found[0] if found else None
 
 

@@ -33,6 +33,7 @@ MAIN = {
         "greedy",
         "exact",
         "cooperative",
+        "wear",
         "oracle",
     ),
     "controllers": ("none", *COMPARED, SLOW_CONTROLLER),

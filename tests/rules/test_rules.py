@@ -38,10 +38,10 @@ NAMES = [
     "qp-cvxpy",
     "qp-robust",
     "cooperative",
-    "oracle",
     "wear",
     "wear-qp",
     "wear-cvxpy",
+    "oracle",
 ]
 
 

@@ -420,7 +420,7 @@ SCENARIO_FILES = [
     added("[receptivity]\nperiod_s = 0.0\n", "receptivity.period_s = 0.0"),
     added("[belief]\nincrements = { law = 'given' }\n", "'belief.increments': values go with law"),
     added("[belief]\nunit_increments = []\n", "0 unit_increments"),
-    Case("simulate bad.toml", "'title' is missing", {"bad.toml": ""}),
+    Case("simulate bad.toml", "keys 'title', 'train', 'rail', 'command', 'duration_s' are missing", {"bad.toml": ""}),
     Case("simulate bad.toml", "is no text in UTF-8", {"bad.toml": bytes(range(256))}),
     Case("simulate bad.toml", "is no text in UTF-8", {"bad.toml": SHORT.encode("utf-16")}),
     Case("simulate bad.toml", "is not TOML", {"bad.toml": "\0" * 100}),
@@ -450,7 +450,7 @@ TRAINS = [
     car("[155.0, 65.0]", "[]", "wheel_inertia_kgm2"),
     car("[155.0, 65.0]", "[155.0, 65.0]\ndriven = [true]", "driven has 1 entries for 2"),
     car("[[cars]]", "[cars]", "'cars'"),
-    Case("analyse log.csv --train bad.toml", "is missing", {"bad.toml": ""}),
+    Case("analyse log.csv --train bad.toml", "keys 'name', 'cars' are missing", {"bad.toml": ""}),
 ]  # fmt: skip
 
 LINES = [

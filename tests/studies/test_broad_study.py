@@ -36,7 +36,7 @@ def broad_table(gain=0.01, over=0.0, controller="perturb-observe", events=TURN):
             rows.append({
                 "scenario": EVENTS.event_name(0, k), "rule": rule, "controller": controller, "status": "ok",
                 "bound_use": base + more, "over_delivery": 0.0 if rule == "alone" else over, "headroom": 0.02 * (k % 2),
-                "slip_time": 1.0, "damage": 100.0, "jerk_rms": 0.3,
+                "slip_time": 1.0, "damage": 100.0, "excess_damage": 0.1, "jerk_rms": 0.3,
             })  # fmt: skip
     return EVENTS.joined(pd.DataFrame(rows), 0, events)
 

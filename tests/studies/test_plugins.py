@@ -193,7 +193,7 @@ FILES = [
     ("broken.py", "import nowhere_at_all", "ModuleNotFoundError: No module named"),
     ("syntax.py", "def f(:\n", "SyntaxError"),
     ("taken.py", "from alloc.rules import RULES\nRULES.register('greedy', 1)", "'greedy' exists already"),
-    ("train.toml", "name = 'x'", "key 'formation' is missing"),
+    ("train.toml", "name = 'x'", "keys 'formation', 'car', 'planned_acceleration_kmhs' are missing"),
     ("letter.toml", (EXAMPLES / "tram.toml").read_text().replace("MTM", "MXM"), "has a car 'X'"),
 ]  # fmt: skip
 """Files that cannot be loaded: name, text, and what is said."""
