@@ -16,8 +16,9 @@ class FileWarning(UserWarning):
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """The known name that `name` most resembles, None if there is none."""
-    found = get_close_matches(name.lower(), list(known), 1, cutoff=0.5)
-    return found[0] if found else None
+    lowered = {one.lower(): one for one in known}
+    found = get_close_matches(name.lower(), list(lowered), 1, cutoff=0.5)
+    return lowered[found[0]] if found else None
 
 
 def unknown(kind: str, name: str, known: Iterable[str]) -> StudyError:

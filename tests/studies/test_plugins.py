@@ -190,7 +190,7 @@ def test_worker_processes_load_what_the_environment_names(examples):
 FILES = [
     ("nothing.py", None, "is no file"),
     ("part.txt", "", "is no file"),
-    ("broken.py", "import nowhere_at_all", "ModuleNotFoundError: No module named"),
+    ("broken.py", "import nowhere_at_all", "ModuleNotFoundError in line 1: No module named"),
     ("syntax.py", "def f(:\n", "SyntaxError"),
     ("taken.py", "from alloc.rules import RULES\nRULES.register('greedy', 1)", "'greedy' exists already"),
     ("train.toml", "name = 'x'", "keys 'formation', 'car', 'planned_acceleration_kmhs' are missing"),
