@@ -9,7 +9,7 @@ import re
 from collections import namedtuple
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import field, is_dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from inspect import get_annotations
 from typing import Any, ClassVar, NamedTuple, TypeVar, cast, get_args, get_origin
 
@@ -151,6 +151,10 @@ class _Fresh(ByReference):
         self._made, self._block = made, made._copy()
         self.kind, self.data = made.kind, made.words_at(self._block)
         self.address = self.data.ctypes.data
+
+    @cached_property
+    def _value(self) -> Any:
+        return self._made.placed(self._made.value, self._block)
 
     def __getattr__(self, name: str) -> Any:
         found = self._made.placed(getattr(self._made.value, name), self._block)

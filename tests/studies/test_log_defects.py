@@ -70,7 +70,7 @@ def short_names(c: Logged) -> pd.DataFrame:
 
 
 STOP, LATE, RAIL = "wet-stop 0", "s late: made up for", "those between wheel and rail"
-LONG, HILL, FREIGHT = "long-train 17", "gradient-start 4", "freight-start 12"
+LONG, HILL, FREIGHT = "long-train 0", "gradient-start 4", "freight-start 12"
 DEFECTS: dict[str, tuple[Change, str, str, dict[str, float]]] = {
     # the speed's channel
     "late": (plain(spoil.speed_late), "driven, wet-stop 0", LATE, {}),
