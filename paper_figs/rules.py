@@ -382,7 +382,7 @@ def headroom(table: pd.DataFrame) -> Figure:
         _gains(axes, events)
         axes.set_title(f"{controller} ({len(events)} events)")
     gains[0].set_ylabel("gain over alone,\nof the plan [%]")
-    legend_below(above, [*rule_handles(HEADROOM_RULES[1:]), handle("the headroom", **BOUND)])
+    legend_below(above, [*rule_handles(HEADROOM_RULES[1:]), handle("the headroom", **BOUND)], 5)
     costs = below.subplots(1, len(COSTS), sharey=True)
     for panel, axes in zip(COSTS, costs, strict=True):
         _costs(axes, panel, pairs)
