@@ -50,6 +50,8 @@ class Source:
     """Options of `readhesion compare`, where it is no study that runs."""
     module: str | None
     """Module whose `measured` gives the table, called with the settings, where it is neither a study nor the comparison."""
+    before: str
+    """What has changed since the values were computed, and is not in them; empty where nothing has."""
     guard: tuple[str, ...]
     """Patterns of names in `tests/results_hash.json`: where numbers of one of these change, the values count as old."""
 
@@ -151,7 +153,11 @@ class Table:
         columns = zip(*(line[1:-1].split("|") for line in lines), strict=True)
         numeric = [all(re.match(r" *([-+>\d]|$)", one) for one in column) for column in columns]
         sides = ["--:" if one else "---" for one in numeric]
-        return "\n".join([self.head, f"|{'|'.join(sides)}|", *lines, ""])
+        known = sources()
+        needed = sorted({name for row in self.rows for name in row.sources})
+        changed = dict.fromkeys(known[name].before for name in needed if known[name].before)
+        notes = [f"\n*Computed before {one}.*" for one in changed]
+        return "\n".join([self.head, f"|{'|'.join(sides)}|", *lines, *notes, ""])
 
 
 def expanded(cell: str) -> list[str]:
@@ -195,6 +201,7 @@ def sources() -> dict[str, Source]:
             entry.get("settings", {}),
             entry.get("compare"),
             entry.get("module"),
+            entry.get("before", ""),
             tuple(entry["guard"]),
         )
         for name, entry in manifest()["study"].items()
