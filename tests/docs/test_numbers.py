@@ -52,7 +52,7 @@ def test_every_table_stands_on_one_page():
 
 def test_tables_have_a_cell_for_each_heading():
     for table in tables():
-        lines = table.made(VALUES).splitlines()
+        lines = [one for one in table.made(VALUES).splitlines() if one.startswith("|")]
         assert len({len(re.findall(r"(?<!\\)\|", line)) for line in lines}) == 1, table.name
 
 
