@@ -143,11 +143,9 @@ def sweep(
 
 def plot(run: xr.Dataset, path: str | Path | None = None) -> Any:
     """The figure of a run over time (`matplotlib.figure.Figure`); with a `path` (pdf, png, svg) it is written there."""
-    from paper_figs.drawing import FIGURES, draw_run
+    from paper_figs.drawing import FIGURES, draw_run, figure_of_run
 
-    if path is not None:
-        return draw_run(run, path)
-    return FIGURES["slip-event" if run.sizes["unit"] else "slide-control"](run)
+    return FIGURES[figure_of_run(run)](run) if path is None else draw_run(run, path)
 
 
 @xr.register_dataset_accessor("readhesion")

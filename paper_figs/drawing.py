@@ -413,15 +413,19 @@ def draw_one(
         raise StudyError(f"figure {str(path)!r}: {error}") from None
 
 
+def figure_of_run(run: xr.Dataset) -> str:
+    """Name of the figure that shows a run over time; of a train without motors, what its slide protection does."""
+    return "slip-event" if run.sizes["unit"] else "slide-control"
+
+
 def draw_run(run: xr.Dataset, path: str | Path, job: Job | None = None, command: str = "") -> None:
-    """Draw a recorded run over time as `draw_one` does; of a train without motors, what its slide protection does.
+    """Draw a recorded run over time as `draw_one` does, see `figure_of_run`.
 
     As GIF it moves, for which `job` has to say of what event it is; `command` made it.
     """
     origins = [] if job is None else [of_job(job, command)]
     if Path(path).suffix.lower() != MOVING:
-        name = "slip-event" if run.sizes["unit"] else "slide-control"
-        return draw_one(name, path, run, origins=origins)
+        return draw_one(figure_of_run(run), path, run, origins=origins)
     if job is None or not run.sizes["unit"]:
         lacks = "its train has no motor" if job else "it is not known of what event it is"
         raise StudyError(

@@ -1,7 +1,7 @@
 """The answer of a comparison: every rule under every controller over all events at once, as table, sentence and file."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,8 @@ SHOWN = (EFFORT, "over_delivery", "damage", "slip_time", "jerk_rms")
 """Metrics of the table: capped effort, and what it costs."""
 DIFFERENT = (EFFORT, "damage", "slip_time")
 """Those of which the difference from `REFERENCE` is shown."""
-FORMATS = ("csv", "markdown", "latex")
+TEX = str.maketrans({"%": r"\%", "−": "$-$", "³": "$^3$", "*": "$^*$", "°": r"$^\circ$"})
+"""What LaTeX writes otherwise, of the characters that stand in the table."""
 
 
 def pooled(lines: Sequence[SummaryLine]) -> list[SummaryLine]:
@@ -110,6 +111,10 @@ def _cells(line: SummaryLine, columns: Sequence[Column]) -> list[str]:
     return [minus(text) for text in cells]
 
 
+def _row(line: SummaryLine, columns: Sequence[Column]) -> list[str]:
+    return [line.rule + _mark(line), line.controller, str(line.seeds), *_cells(line, columns)]
+
+
 def _headings(columns: Sequence[Column]) -> list[str]:
     less = f"less {REFERENCE}\n[95 %]"
     found = []
@@ -129,9 +134,7 @@ def pooled_table(lines: Sequence[SummaryLine]) -> Table:
     for k, line in enumerate(lines):
         if k and line.controller != lines[k - 1].controller:
             table.add_section()
-        table.add_row(
-            line.rule + _mark(line), line.controller, str(line.seeds), *_cells(line, columns)
-        )
+        table.add_row(*_row(line, columns))
     return table
 
 
@@ -196,40 +199,19 @@ def frame(lines: Sequence[SummaryLine]) -> pd.DataFrame:
 
 
 def printed(lines: Sequence[SummaryLine], kind: str) -> str:
-    """The pooled table as text to paste: one of `FORMATS`."""
+    """The pooled table as text to paste: as `kind` csv, markdown or latex."""
     if kind == "csv":
         return frame(lines).to_csv(index=False, lineterminator="\n")
     columns = _columns(lines)
-    head = [
-        "rule",
-        "controller",
-        "events",
-        *(" ".join(text.split()) for text in _headings(columns)),
-    ]
-    body = [
-        [line.rule + _mark(line), line.controller, str(line.seeds), *_cells(line, columns)]
-        for line in lines
-    ]
-    escape: Callable[[str], str]
+    head = ["rule", "controller", "events", *(" ".join(one.split()) for one in _headings(columns))]
+    rows = [head, *(_row(line, columns) for line in lines)]
+    right = len(head) - 2
     if kind == "markdown":
-        escape, begin, between, end = (lambda text: text.replace("|", "\\|")), "| ", " | ", " |"
-        rule = ["|".join(["", "---", "---", *["---:"] * (len(head) - 2), ""])]
-        return "\n".join([f"{begin}{between.join(map(escape, row))}{end}" for row in [head]] + rule + [
-            f"{begin}{between.join(map(escape, row))}{end}" for row in body]) + "\n"  # fmt: skip
-
-    def tex(text: str) -> str:
-        for one, other in (
-            ("%", r"\%"),
-            ("−", "$-$"),
-            ("³", "$^3$"),
-            ("*", "$^*$"),
-            ("°", r"$^\circ$"),
-        ):
-            text = text.replace(one, other)
-        return text
-
-    rows = [" & ".join(map(tex, row)) + r" \\" for row in [head, *body]]
+        escaped = ([one.replace("|", "\\|") for one in row] for row in rows)
+        first, *others = (f"| {' | '.join(row)} |\n" for row in escaped)
+        return "".join([first, f"|---|---|{'---:|' * right}\n", *others])
+    texts = [" & ".join(row).translate(TEX) + r" \\" for row in rows]
+    begin, end = rf"\begin{{tabular}}{{ll{'r' * right}}}", r"\end{tabular}"
     return "\n".join(
-        [rf"\begin{{tabular}}{{ll{'r' * (len(head) - 2)}}}", r"\toprule", rows[0], r"\midrule", *rows[1:], r"\bottomrule",
-         r"\end{tabular}", ""]
-    )  # fmt: skip
+        [begin, r"\toprule", texts[0], r"\midrule", *texts[1:], r"\bottomrule", end, ""]
+    )
