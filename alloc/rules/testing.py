@@ -525,7 +525,7 @@ RULE_LAWS = (
     Law("inputs untouched", "the problem is as before", _untouched, problems),
     Law("repeatable", "one problem has one answer, whatever is asked between", _repeated, problems, tolerance=0.0),
     Law("threads", f"{THREADS} threads get the answers that one gets", _in_threads, problems),
-    Law("scale of masses", "only ratios of masses count", _scaled_masses, problems),
+    Law("scale of masses", "only ratios of masses count", _scaled_masses, problems, _EVERY),
     Law("known answers", "those by hand", _known, None, _PLAIN_ANSWERS, _REFERENCE),
     Law("reference", "in the box, no less than it allows, no more than `greedy`", _as_near, _growing, (_A, _B), _REFERENCE),
     Law("known answers, bounded", "those by hand", _known, None, _BOUNDED_ANSWERS, _EXACT),

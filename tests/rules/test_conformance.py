@@ -112,7 +112,7 @@ FAULTS = {
     "absolute masses": (with_weights, "heuristic", "scale of masses", "mass="),
     "motors ignored": (lambda p: RULES["exact"](p.changed(limit_max=None)), "heuristic", "torque and rate", "limit_max"),
     "never case A": (lambda p: exact(p, case="B"), "heuristic", "case", "cap=[0.0]"),
-    "by order": (by_order, "exact", "order of units", "0.0, "),
+    "by order": (by_order, "exact", "order of units", "cap=["),
     "greedy": (RULES["greedy"], "exact", "optimal", "cap="),
     "a lower sum": (lambda p: exact(p, lambda x, _: x * (1 - 1e-6)), "reference", "reference", "cap="),
     "gives up": (lambda p: exact(p, status="gave up"), "exact", "status", "gave up"),
