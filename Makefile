@@ -14,6 +14,9 @@ MINUTES ?= 30
 LEVELS  ?= x86-64-v3 x86-64-v4
 RUNS    ?= --controllers cut-and-ramp perturb-observe pi-creep mpc mpc-train
 
+# small matrices everywhere: threads of BLAS would wait for each other
+export OPENBLAS_NUM_THREADS := 1
+
 .DEFAULT_GOAL := help
 .PHONY: help setup compare report figures docs results test test-newest test-lowest mutants mutants-again results-hash soak bench bench-keep wheel keys lint types clean
 

@@ -1,9 +1,13 @@
 """What holds for the whole suite."""
 
+import os
 import resource
 import sys
 
 import pytest
+
+# before NumPy is imported, as for the command: threads of BLAS wait for each other, and the cores are for processes
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 MOST_MEMORY = 3.5e9
 """What a process of the tests may take at its worst [bytes]."""

@@ -30,7 +30,7 @@ SOME = (
     "headroom", "line-position", "brake-force", "differences", "sanders", "readhesion", "calibration",
 )  # fmt: skip
 """Studies whose table has some of what is claimed; all that is judged is among what is frozen all the same."""
-MOST = 5
+MOST = 2
 """Claims of a study that are pushed, drawn with a seed."""
 
 
