@@ -12,7 +12,6 @@ from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from studies.slides.jp4209318 import slide_train
-from tests.compiled_part import from_python
 
 SPEED, CYCLE = 20.0, 0.02
 SUPPLY, HOLD, RELEASE = 0, 1, 2
@@ -20,7 +19,6 @@ FUZZY = SlideProtection(
     law="fuzzy", period=CYCLE, time_out=1.0, refill=0.1,
     fuzzy=Fuzzy(slip=(0.0, 0.05, 0.15), rate=(-1.0, 0.0, 1.0)),
 )  # fmt: skip
-decide = from_python(protect)
 MODEL = build(slide_train(2), Rail(0.1))
 
 
@@ -42,7 +40,7 @@ class Cars:
             rim[axle] = speed * (1.0 - ratio)
         self.memory.axle_omega[:] = rim / self.eq.axle_radius
         self.memory.reference[:] = speed
-        decide(self.eq, self.settings, self.memory, self.tick, braking, self.valve)
+        protect(self.eq, self.settings, self.memory, self.tick, braking, self.valve)
         self.tick += 1
         return self.valve[:, 0].astype(int).tolist()
 
