@@ -145,7 +145,7 @@ def test_the_program_in_shares_leaves_nothing_out():
         assert own * mark == pytest.approx(other)
 
 
-@looped("controller, most", [("perturb-observe", 0.75), ("pi-creep", 1.0 + 1e-9)])
+@looped(["controller", "most"], [("perturb-observe", 0.75), ("pi-creep", 1.0 + 1e-9)])
 def test_where_others_can_make_up_the_same_effort_costs_no_more(controller, most):
     """Cars loaded unevenly: some units are limited, and all of them together reach the plan."""
     event = load_scenario("uneven-load").event()
