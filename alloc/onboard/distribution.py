@@ -6,7 +6,6 @@ from alloc.compilation import inlined_jit
 from alloc.onboard.increment_learning import NO_LEARNING, learn_increments
 from alloc.onboard.laws import believed_shoe_force
 from alloc.onboard.telegrams import caps_by_own_slips, caps_by_slips, count_slips, deliver, exchange
-from alloc.rules.problem import CASE_A
 from alloc.rules.rule import Caps, Trigger
 
 HELD = 1.0
@@ -32,24 +31,6 @@ ROOM = 1.3
 """The same for rules that know every unit's own mark: a search is not to meet the limit. Under (5) a unit's limit moves
 those behind it. `cooperative` asks a unit that slipped for `PROBE` all the same: cut-and-ramp would lose 0.7 points of the
 bound and ride 4.5 % worse (48 events with headroom, seeds 9200 and 9300)."""
-
-SEARCHED = 1.2
-"""Time [s] of a search that finds nothing better, after which a unit is held at the best that it found."""
-
-PAUSE = 3.0
-"""Longest time [s] for which its search then pauses: the rail may have become better."""
-
-BETTER = 0.004
-"""Growth of what a unit delivers that counts as better: less is noise."""
-
-MISSED = 0.3
-"""Time [s] for which a held unit may stay below what it is asked for; then the rail counts as worse."""
-
-AGAIN = 0.985
-"""The best that counts for a new search, over what a unit delivers that missed, or over the old best."""
-
-MADE_UP = 0.03
-"""Largest shortfall of the train that units are asked to make up for beyond the plan, over the plan."""
 
 LEAST = 0.01
 """Least cap of a unit that works."""
@@ -81,19 +62,12 @@ def _caps_at_detection(st, m, time):
 
 
 @inlined_jit
-def _by_unit(st):
-    """Whether the rule goes by every unit's own mark."""
-    return st.rule.caps == Caps.DELIVERED or st.rule.caps == Caps.HELD
-
-
-@inlined_jit
 def _update_demonstrated(st, m):
     """What each unit has shown to carry: its best while limited, a little less with time; slowly more once it is not.
 
     Without any slip there is room above: trying costs nothing, and a search must not meet its limit.
     """
     period = st.telegrams.ticks * st.period
-    own = _by_unit(st)
     for j in range(m.cap.size):
         got = m.delivered[j]
         slipped = m.report.slipped_at[j] >= m.report.limited_at[j] - st.hold_time
@@ -103,60 +77,11 @@ def _update_demonstrated(st, m):
             m.demonstrated[j] = max(
                 got, m.demonstrated[j] + (got - m.demonstrated[j]) * period / FORGET
             )
-            room = ROOM if own and not slipped else PROBE
+            room = ROOM if st.rule.caps == Caps.DELIVERED and not slipped else PROBE
             m.upper_bound[j] = max(m.demonstrated[j], room * got)
         else:
             m.demonstrated[j] = max(m.demonstrated[j] + RISE * m.train.expected[0] * period, got)
             m.upper_bound[j] = m.demonstrated[j] if slipped else max(m.demonstrated[j], PROBE * got)
-
-
-@inlined_jit
-def _mark_and_hold(m, period):
-    """Marks of all units, and what each is asked for where the plan is out of reach: room to search, or the best found.
-
-    Beyond a sharp peak a search finds nothing more, and costs most. So it pauses: wheels of a held unit readhere, and work
-    just below the peak.
-    """
-    expected, best = m.train.expected[0], m.train.expected[0]
-    for j in range(m.cap.size):
-        if np.isfinite(m.demonstrated[j]):
-            best = max(best, m.demonstrated[j])
-    for j in range(m.cap.size):
-        m.mark[j] = min(m.demonstrated[j], best)
-        got, h = m.delivered[j], m.hold
-        if m.train.case[0] != CASE_A:
-            h.best[j] = h.since[j] = h.left[j] = 0.0
-            continue
-        if h.left[j] == 0.0:
-            m.upper_bound[j] = max(m.demonstrated[j], ROOM * got, expected)
-            h.since[j] = h.since[j] + period if m.limited[j] else 0.0
-            if m.limited[j] and got > (1.0 + BETTER) * h.best[j]:
-                h.best[j], h.since[j] = got, 0.0
-            if h.since[j] > SEARCHED:
-                h.left[j], h.missed[j] = PAUSE, 0.0
-        if h.left[j] > 0.0:
-            m.upper_bound[j] = max(h.best[j], got)
-            h.left[j] = max(h.left[j] - period, 0.0)
-            if h.left[j] < PAUSE - 2.0 * MISSED:
-                h.missed[j] = h.missed[j] + period if m.limited[j] else 0.0
-            missed = h.missed[j] > MISSED
-            if missed or h.left[j] == 0.0:
-                h.best[j] = AGAIN * (got if missed else h.best[j])
-                h.left[j] = h.since[j] = 0.0
-
-
-@inlined_jit
-def _units_shortfall(eq, m):
-    """What units that share in proportion to marks lack against the plan together, as a coefficient, `MADE_UP` at most.
-
-    Marks are of the past: a unit may deliver less than its share of them without being limited yet.
-    """
-    got, total = 0.0, 0.0
-    for j in range(m.cap.size):
-        got += eq.mass[j] * m.delivered[j]
-        total += eq.mass[j]
-    expected = m.train.expected[0]
-    return min(max(expected - got / total, 0.0), MADE_UP * expected)
 
 
 @inlined_jit
@@ -258,7 +183,7 @@ def _asked_on_any_slip(st, m, time, changed):
 def _asked_on_limited(eq, st, m, time, tick, failed, blended):
     """With every telegram while a unit is limited by the rail, by its motors' power or by a failure."""
     expected = m.train.expected[0]
-    of_units = _by_unit(st)
+    of_units = st.rule.caps == Caps.DELIVERED
     active = st.rule.trigger == Trigger.TELEGRAM or (blended and of_units)
     for j in range(m.cap.size):
         works = m.in_service[j] or blended  # air brakes stand in for motors
@@ -274,13 +199,13 @@ def _asked_on_limited(eq, st, m, time, tick, failed, blended):
         m.most[j] = min(m.limit_max[j], max(m.limit_wanted[j], expected) + step)
     _update_demonstrated(st, m)
     if of_units:
+        best = expected
         for j in range(m.cap.size):
             m.cap[j] = max(m.delivered[j], LEAST) if m.limited[j] else m.upper_bound[j]
-        if st.rule.caps == Caps.HELD:
-            for j in range(m.cap.size):
-                m.cap[j] = min(m.cap[j], m.demonstrated[j])
-            _mark_and_hold(m, st.telegrams.ticks * st.period)
-            m.lead.needed[0] += _units_shortfall(eq, m)
+            if np.isfinite(m.demonstrated[j]):
+                best = max(best, m.demonstrated[j])
+        for j in range(m.cap.size):
+            m.mark[j] = min(m.demonstrated[j], best)
     else:
         _caps_by_front(eq, st, m, time, blended)
     return True
@@ -299,7 +224,7 @@ def prepare_allocation(eq, st, m, time, tick, commanded, failed):
     m.lead.needed[0] = expected
     if m.cap.size == 0:
         return False
-    if blended and (_by_unit(st) or st.rule.caps == Caps.TRUE):
+    if blended and (st.rule.caps == Caps.DELIVERED or st.rule.caps == Caps.TRUE):
         m.lead.needed[0] += _trailers_shortfall(eq, m, expected)
     _lead(eq, m)
     if st.learning.learner != NO_LEARNING:

@@ -222,15 +222,6 @@ class Counters(NamedTuple):
     rule_calls: Counter
 
 
-class HoldMemory(NamedTuple):
-    """What the leader remembers of units that search while the plan is out of reach; (units,)."""
-
-    best: Floats  # best coefficient found
-    since: Floats  # time searched since then [s]
-    left: Floats  # time for which the unit is still held there [s]; 0: it searches
-    missed: Floats  # time for which it has not reached it [s]
-
-
 class Memory(NamedTuple):
     """What the computers remember; (units,) unless said otherwise."""
 
@@ -270,7 +261,6 @@ class Memory(NamedTuple):
     demonstrated: Floats  # coefficient that each unit has shown to be able to deliver
     upper_bound: Floats  # coefficient up to which each unit may be asked for more than the plan
     mark: Floats  # `demonstrated`; of a unit that was never limited that of the best
-    hold: HoldMemory
     most: Floats  # up to which a limit may rise now
     limited: NDArray[np.bool_]  # whether the unit is limited, as the leader has heard
     by_rail: NDArray[np.bool_]  # whether it was the rail that limited it the last time
@@ -356,7 +346,6 @@ def memory(
         demonstrated=np.full(n, np.inf),
         upper_bound=np.full(n, np.inf),
         mark=np.full(n, expected),
-        hold=HoldMemory(*np.zeros((4, n))),
         pressure=np.zeros(eq.group.unit.size),
         air_most=np.full(eq.group.unit.size, np.inf),
         message=nothing,

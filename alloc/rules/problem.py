@@ -126,7 +126,8 @@ class AllocationProblem:
     mark: ArrayLike | None = None
     """Coefficient that each unit has shown to carry at its best; read by `wear` and its forms. None: the caps."""
     upper_bound: ArrayLike | None = None
-    """What `wear` and its forms ask of each unit where the plan is out of reach, inf for its cap. None: the caps."""
+    """What `wear` and its forms ask, beside the plan, of each unit at its cap or where the plan is out of reach; inf for its
+    cap. None: the caps."""
     n: int = field(init=False)
     """Number of units."""
 

@@ -65,8 +65,6 @@ class Caps(IntEnum):
     """What each limited unit delivers; what each other unit has shown to carry."""
     TRUE = 3
     """The truth, which no computer on board can know."""
-    HELD = 4
-    """As `DELIVERED`; where the plan is out of reach, a unit that searched long enough is held at the best that it found."""
 
 
 TRIGGERS = {
@@ -76,7 +74,6 @@ TRIGGERS = {
     Caps.DETECTED: (Trigger.ANY_SLIP,),
     Caps.DELIVERED: (Trigger.LIMITED, Trigger.TELEGRAM),
     Caps.TRUE: (Trigger.PERIOD,),
-    Caps.HELD: (Trigger.TELEGRAM,),
 }  # fmt: skip
 """Triggers that go with caps; a rule with others is refused."""
 

@@ -18,8 +18,9 @@ share, which Newton's method finds in n passes at most. `wear-qp` is a quadratic
 set, `wear-cvxpy` the same as one would write it down. With shares x / p in the place of limits and m p in that of masses,
 the program is that of `alloc.rules.qp`, so its solvers and its certificate serve here too.
 
-Where the plan is out of reach there is nothing to share: every unit is asked for `upper_bound`, that is for so much that its
-controller searches for the peak undisturbed, or for the best that it found (`alloc.onboard.distribution`).
+A unit at its upper bound, or any where the plan is out of reach, has nothing to share. It is asked for `upper_bound` and for
+the plan at least, that is for so much that its controller searches for the peak undisturbed (`alloc.onboard.distribution`).
+So no unit that the rail limits is kept below what it may carry by a mark of a rail that is gone.
 """
 
 import time
@@ -27,7 +28,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from alloc.compilation import jit
+from alloc.compilation import inlined_jit, jit
 from alloc.rules.exact import answer_exact
 from alloc.rules.problem import (
     CASE_A,
@@ -43,6 +44,16 @@ from alloc.rules.rule import RULES, Caps, Rule, Trigger, units_of
 LEAST_MARK = 1e-3
 """Mark below which a unit's share counts as that of this mark: a unit without any adhesion has none."""
 
+AT_BOUND = 1e-9
+"""Distance from a bound, over the bound, within which a solver's answer counts as at it."""
+
+
+@inlined_jit
+def _undisturbed(units, j, expected):
+    """What unit `j` is asked for that does what it can: more than it delivers, and the plan at least."""
+    upper = units.upper_bound[j]
+    return min(max(upper, expected) if np.isfinite(upper) else units.cap[j], units.limit_max[j])
+
 
 @jit
 def wear_law(units, expected, limit_out):
@@ -56,8 +67,7 @@ def wear_law(units, expected, limit_out):
         balance += units.mass[j] * (min(units.cap[j], units.limit_max[j]) - expected)
     if balance <= ROUNDING * expected * total:
         for j in range(units.cap.size):
-            asked = units.upper_bound[j] if np.isfinite(units.upper_bound[j]) else units.cap[j]
-            limit_out[j] = min(asked, units.limit_max[j])
+            limit_out[j] = _undisturbed(units, j, expected)
         return np.nan, False
     share = 0.0
     for _ in range(units.cap.size):
@@ -72,8 +82,9 @@ def wear_law(units, expected, limit_out):
             break
         share = rest / free
     for j in range(units.cap.size):
-        mark = max(units.mark[j], LEAST_MARK)
-        limit_out[j] = min(mark * share, min(units.cap[j], units.limit_max[j]))
+        limit_out[j] = max(units.mark[j], LEAST_MARK) * share
+        if limit_out[j] >= min(units.cap[j], units.limit_max[j]):
+            limit_out[j] = _undisturbed(units, j, expected)
     return np.nan, True
 
 
@@ -94,13 +105,15 @@ def answer_wear(
 ) -> Allocation:
     """Limits of least wear, with `solve` for the program in shares."""
     started = time.perf_counter()
+    asked = np.clip(np.maximum(problem.searching, problem.expected), *problem.rate_box)
+    undisturbed = np.where(np.isfinite(problem.searching), asked, problem.box[1])
     if not problem.within_reach:
-        asked = np.clip(problem.searching, *problem.rate_box)
-        limit = np.where(np.isfinite(problem.searching), asked, problem.box[1])
-        return allocation(problem, limit, np.nan, CASE_A, time.perf_counter() - started)
+        return allocation(problem, undisturbed, np.nan, CASE_A, time.perf_counter() - started)
     shares, mark = in_shares(problem)
     answer = solve(shares)
     limit = np.clip(mark * answer.limit, *problem.box)
+    bound = np.minimum(problem.cap, problem.torque_limit)
+    limit = np.where(limit >= (1.0 - AT_BOUND) * bound, undisturbed, limit)
     spent = time.perf_counter() - started
     return allocation(problem, limit, np.nan, CASE_B, spent, answer.status)
 
@@ -118,6 +131,6 @@ def answer_by_filling(problem: AllocationProblem) -> Allocation:
 
 WEAR = Rule(
     "wear", "the plan at the least wear: each unit the same share of what it has shown to carry", answer_by_filling,
-    wear_law, trigger=Trigger.TELEGRAM, caps=Caps.HELD, colour="#1b2c28", marker="$W$",
+    wear_law, trigger=Trigger.TELEGRAM, caps=Caps.DELIVERED, colour="#1b2c28", marker="$W$",
 )  # fmt: skip
 RULES.register("wear", WEAR)

@@ -70,7 +70,7 @@ def test_when_rules_are_asked_and_what_they_know():
         "greedy-tuned": (Trigger.ANY_SLIP, Caps.DETECTED),
         "cooperative": (Trigger.LIMITED, Caps.DELIVERED),
         "oracle": (Trigger.PERIOD, Caps.TRUE),
-    } | dict.fromkeys(("wear", "wear-qp", "wear-cvxpy"), (Trigger.TELEGRAM, Caps.HELD))
+    } | dict.fromkeys(("wear", "wear-qp", "wear-cvxpy"), (Trigger.TELEGRAM, Caps.DELIVERED))
     for name in NAMES:
         usual = Trigger.LIMITED, Caps.FRONT
         assert (RULES[name].trigger, RULES[name].caps) == others.get(name, usual), name

@@ -14,11 +14,8 @@ from alloc.onboard.brakes import (
     set_targets,
 )
 from alloc.onboard.distribution import (
-    MISSED,
-    PAUSE,
     PROBE,
     ROOM,
-    SEARCHED,
     distribute,
     prepare_allocation,
 )
@@ -35,7 +32,7 @@ from alloc.onboard.parameters import (
     Telegrams,
 )
 from alloc.onboard.sensing import sense
-from alloc.onboard.state import HoldMemory, RuleSettings, memory, settings
+from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.onboard.telegrams import (
     DETECTED,
     ESTIMATE,
@@ -50,7 +47,6 @@ from alloc.onboard.telegrams import (
 )
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
-from alloc.rules.problem import CASE_B
 from alloc.rules.rule import Caps, Trigger
 from tests.cases import looped
 from tests.onboard.uneven import uneven_train
@@ -276,7 +272,6 @@ def train_memory(first=0, estimate=0.10, units=3):
         learnt=SimpleNamespace(increment=np.array([0.01, 0.03, 0.06])[:units]),
         upper_bound=np.full(units, np.inf),
         mark=np.zeros(units),
-        hold=HoldMemory(*np.zeros((4, units))),
         by_rail=np.ones(units, bool),
         limited=np.zeros(units, bool),
         slipping=np.zeros(units, bool),
@@ -364,54 +359,17 @@ def test_a_unit_that_searches_has_room_where_the_rule_goes_by_its_own_mark():
     assert memory.upper_bound[1] == pytest.approx(PROBE * 0.15, rel=1e-12)
 
 
-HELD = rules(Trigger.TELEGRAM, Caps.HELD)
+OWN = rules(Trigger.TELEGRAM, Caps.DELIVERED)
 
 
 def test_who_was_never_limited_counts_as_the_best_of_those_that_were():
     memory = told([0, 1], delivered=(0.12, 0.18, 0.16))
-    prepare(memory, HELD, tick=20)
+    prepare(memory, OWN, tick=20)
     assert memory.mark == pytest.approx([0.12, 0.18, 0.18], rel=1e-12)
     assert memory.cap == pytest.approx([0.12, 0.18, np.inf], rel=1e-12)
     none = told()
-    prepare(none, HELD, tick=20)
+    prepare(none, OWN, tick=20)
     assert none.mark == pytest.approx([0.16] * 3, rel=1e-12)  # the plan
-
-
-def searched(delivered, limited=True, seconds=SEARCHED + 0.25):
-    """Memory after so long out of reach, with telegrams every 0.1 s; unit 1 delivers what `delivered` says of the time."""
-    memory = told([1], delivered=(0.14, 0.15, 0.14))
-    for k in range(round(seconds / 0.1)):
-        memory.delivered[1], memory.limited[1] = delivered(0.1 * k), limited
-        memory.train.case[0] = 1.0
-        prepare(memory, HELD, time=2.0 + 0.1 * k, tick=10 * k)
-    return memory
-
-
-def test_out_of_reach_a_unit_that_found_nothing_better_is_held_at_its_best():
-    assert searched(lambda _: 0.15, seconds=1.0).upper_bound[1] == pytest.approx(ROOM * 0.15)
-    # its best was at the start; what is a little more is noise
-    held = searched(lambda t: 0.15 if t < 0.05 else 0.148)
-    assert held.upper_bound[1] == pytest.approx(0.15, rel=1e-12)
-    assert searched(lambda t: 0.15 + 0.01 * t).upper_bound[1] > 0.19  # it finds more and more
-    assert np.all(searched(lambda _: 0.15, limited=False).hold.left == 0.0)
-    # the others were never limited
-    assert np.all(held.hold.left[[0, 2]] == 0.0)
-
-
-def test_it_searches_again_after_a_while_or_where_it_misses_its_best_or_where_others_make_up():
-    def first(seconds, limited_after=False, case=1.0):
-        """Whether unit 1 is still held so long after it was."""
-        memory = searched(lambda _: 0.15)
-        for k in range(round(seconds / 0.1)):
-            memory.limited[1], memory.train.case[0] = limited_after, case
-            prepare(memory, HELD, time=4.0 + 0.1 * k, tick=10 * k)
-        return memory.hold.left[1] > 0.0
-
-    assert first(PAUSE - 0.5)
-    assert not first(PAUSE + 0.1)
-    assert first(2.0 * MISSED, limited_after=True)
-    assert not first(4.0 * MISSED, limited_after=True)
-    assert not first(0.1, case=float(CASE_B))
 
 
 def test_a_unit_that_failed_says_nothing_of_the_rail():
