@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -17,6 +17,7 @@ from studies.command_line.options import (
     MOST_EVENTS,
     MOST_SEEDS,
     FilePath,
+    Format,
     Names,
     Settings,
     Whole,
@@ -48,7 +49,7 @@ class Show:
     """Draw the figures that belong to a comparison."""
     every_event: Annotated[bool, Parameter("--all", negative=())] = False
     """Print the table of each event too, with more columns; it is printed of a single one anyway."""
-    text: Annotated[Literal["csv", "markdown", "latex"] | None, Parameter("--format")] = None
+    text: Format = None
     """Print the table over all events as CSV, Markdown or LaTeX, and nothing else."""
     dry_run: Annotated[bool, Parameter(negative=())] = False
     """Say how many runs there are, how many are to be made and about how long they take; run none."""
@@ -213,6 +214,7 @@ def sweep(
     out: FilePath = Path("results"),
     seed: Whole = 0,
     work: Work = EVERYTHING,
+    text: Format = None,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
     **own: Settings,
 ) -> int:
@@ -230,13 +232,23 @@ def sweep(
         Folder of results; the sweep's table (parquet) goes to sweeps/NAME in it.
     seed
         Seed of the events, 0 or greater.
+    text
+        Print the numbers of all statements as CSV, Markdown or LaTeX, and nothing else.
     as_json
         Print JSON instead of text.
     own
         Options of the sweep itself, by the arguments of its cells: `readhesion list` names them.
     """
+    from studies.comparison.table import as_text
     from studies.core.run import read_shard
-    from studies.core.statement_report import about, frozen_words, printed, rows_of, shown_rows
+    from studies.core.statement_report import (
+        about,
+        frozen_words,
+        numbers_of,
+        printed,
+        rows_of,
+        shown_rows,
+    )
     from studies.core.study import find_study, study_folder
 
     chosen = find_study(name)
@@ -260,6 +272,8 @@ def sweep(
         if chosen.shown:
             content["rows"] = rows_of(table)
         print(json.dumps(content, indent=2, allow_nan=False))
+    elif text is not None:
+        print(as_text(text, *numbers_of(found)), end="")
     else:
         screen = console()
         if chosen.shown:

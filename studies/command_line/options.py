@@ -55,6 +55,10 @@ Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative_it
 """Option of several names, one by one or with commas."""
 
 
+Format = Annotated[Literal["csv", "markdown", "latex"] | None, Parameter("--format")]
+"""Option of a table as text to paste, see `studies.comparison.table.as_text`."""
+
+
 def split_names(values: Sequence[str] | None) -> list[str] | None:
     """Names given one by one or with commas."""
     if values is None:

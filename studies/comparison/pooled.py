@@ -12,7 +12,7 @@ from rich.table import Table
 from alloc.metrics.registry import UNLIMITED, range_of
 from alloc.rules import RULES
 from studies.comparison.summary import EFFORT, MOST_OVER, NO_MEAN, REFERENCE, SummaryLine, means_of
-from studies.comparison.table import COLUMNS, Column, minus
+from studies.comparison.table import COLUMNS, Column, as_text, minus
 from studies.core.statement import LEAST_SHOWN, Interval
 
 ALL = "all events"
@@ -21,8 +21,6 @@ SHOWN = (EFFORT, "over_delivery", "damage", "slip_time", "jerk_rms")
 """Metrics of the table: capped effort, and what it costs."""
 DIFFERENT = (EFFORT, "damage", "slip_time")
 """Those of which the difference from `REFERENCE` is shown."""
-TEX = str.maketrans({"%": r"\%", "−": "$-$", "³": "$^3$", "*": "$^*$", "°": r"$^\circ$"})
-"""What LaTeX writes otherwise, of the characters that stand in the table."""
 
 
 def pooled(lines: Sequence[SummaryLine]) -> list[SummaryLine]:
@@ -204,14 +202,5 @@ def printed(lines: Sequence[SummaryLine], kind: str) -> str:
         return frame(lines).to_csv(index=False, lineterminator="\n")
     columns = _columns(lines)
     head = ["rule", "controller", "events", *(" ".join(one.split()) for one in _headings(columns))]
-    rows = [head, *(_row(line, columns) for line in lines)]
-    right = len(head) - 2
-    if kind == "markdown":
-        escaped = ([one.replace("|", "\\|") for one in row] for row in rows)
-        first, *others = (f"| {' | '.join(row)} |\n" for row in escaped)
-        return "".join([first, f"|---|---|{'---:|' * right}\n", *others])
-    texts = [" & ".join(row).translate(TEX) + r" \\" for row in rows]
-    begin, end = rf"\begin{{tabular}}{{ll{'r' * right}}}", r"\end{tabular}"
-    return "\n".join(
-        [begin, r"\toprule", texts[0], r"\midrule", *texts[1:], r"\bottomrule", end, ""]
-    )
+    rows = [_row(line, columns) for line in lines]
+    return as_text(kind, "ll" + "r" * (len(head) - 2), head, rows)
