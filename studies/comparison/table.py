@@ -96,7 +96,7 @@ def as_text(kind: str, align: str, head: Sequence[str], rows: Sequence[Sequence[
         first, *others = (f"| {' | '.join(row)} |\n" for row in escaped)
         rule = "".join("---:|" if side == "r" else "---|" for side in align)
         return "".join([first, f"|{rule}\n", *others])
-    first, *others = (" & ".join(row).translate(TEX) + r" \\" for row in texts)
+    first, *others = (" & ".join(one.translate(TEX) for one in row) + r" \\" for row in texts)
     begin, end = rf"\begin{{tabular}}{{{align}}}", r"\end{tabular}"
     return "\n".join([begin, r"\toprule", first, r"\midrule", *others, r"\bottomrule", end, ""])
 

@@ -129,7 +129,7 @@ def statements(table: pd.DataFrame) -> list[Statement]:
 ROBUSTNESS = Study(
     name="robustness",
     question="what lost telegrams and noisy speeds cost, and whether sharing still gains",
-    default_events=20,
+    default_events=12,
     cells=EachEvent(cells),
     finish=meant,
     judge=statements,
