@@ -388,7 +388,7 @@ KINDS: dict[str, tuple[str, Look]] = {
 
 def stored_times(source: Source) -> pd.DataFrame:
     """Need: solver, median and 99 % of its times [ms], as the stored tables have them; none in an installed package."""
-    rows = {}
+    rows: dict[str, dict[str, float]] = {}
     for path in (STORED / f"{name}.json" for name in MEASURED):
         if path.exists():
             stored = json.loads(path.read_text())
@@ -398,7 +398,7 @@ def stored_times(source: Source) -> pd.DataFrame:
                 _, _, metric, solver = cell.split(" | ")
                 if metric in ("time", "time_p99"):
                     rows.setdefault(solver.removeprefix("solver="), {})[metric] = value
-    return pd.DataFrame.from_dict(rows, orient="index", columns=["time", "time_p99"])
+    return pd.DataFrame(rows, ["time", "time_p99"]).T
 
 
 @figure("mpc-times", "computing time of a period of the MPC: the solver of this project and others",

@@ -106,7 +106,7 @@ def compare(
     """
     from alloc.recording import provenance
     from alloc.sources import code_hash, write_whole
-    from studies.comparison.pooled import ALL, notes, pooled, pooled_table, printed, sentence
+    from studies.comparison.pooled import ALL, notes, pooled, pooled_table, printed
     from studies.comparison.summary import (
         DEFAULT_SEEDS,
         KEPT_RUNS,
@@ -115,10 +115,11 @@ def compare(
         summarise,
         to_json,
     )
-    from studies.comparison.table import left_out, tables
+    from studies.comparison.table import left_out, minus, tables
     from studies.core.own_parts import try_parts
     from studies.core.run import forecast, read_shard, run_cells
     from studies.core.store import Store
+    from studies.report.answer import sentences, standings
 
     shard = read_shard(work.shard)
     if seeds is not None:
@@ -169,7 +170,9 @@ def compare(
             screen.print(
                 f"[bold]{ALL}[/bold]: means, and what is more than under {REFERENCE}, paired by event:"
             )
-            screen.print(pooled_table(over_all), *notes(over_all), sentence(over_all), sep="\n")
+            fixed = [one.name for one in chosen if not one.draws()]
+            told = map(minus, sentences(lines, standings(lines, fixed)))
+            screen.print(pooled_table(over_all), *notes(over_all), *told, sep="\n")
         screen.print(f"{counted(table, 'runs')}{of_shard(work)}; rows in {store.path}")
         if over_all:
             place = store.folder / "table.csv"

@@ -101,21 +101,19 @@ def simulate(
         numbers = {name: None if value != value else value for name, value in values.items()}
         print(json.dumps({**about, "metrics": numbers}, indent=2, allow_nan=False))
         return
-    head, rows = (
-        ["metric", "value", "unit", "meaning"],
-        [
-            [name, values[name], METRICS[name].unit.removeprefix("1"), METRICS[name].description]
-            for name in (values if every_metric else HEADLINES)
-        ],
-    )
+    head = ["metric", "value", "unit", "meaning"]
+    rows = [
+        (name, values[name], METRICS[name].unit.removeprefix("1"), METRICS[name].description)
+        for name in (values if every_metric else HEADLINES)
+    ]
     if text is not None:
         print(as_text(text, "lrll", head, rows), end="")
         return
     table = Table(title=f"{chosen.name}: {rule}, {controller}, seed {seed}", title_justify="left")
     for heading in head:
         table.add_column(heading, justify="right" if heading == "value" else "left")
-    for name, value, *rest in rows:
-        table.add_row(name, "–" if value != value else minus(f"{value:.4g}"), *rest)
+    for name, value, unit, meaning in rows:
+        table.add_row(name, "–" if value != value else minus(f"{value:.4g}"), unit, meaning)
     console().print(table)
     if not every_metric:
         console().print(f"{len(values) - len(HEADLINES)} more metrics: --all")

@@ -149,33 +149,6 @@ def notes(lines: Sequence[SummaryLine]) -> list[str]:
     return [text for mark, text in said.items() if any(_mark(line) == mark for line in lines)]
 
 
-def sentence(lines: Sequence[SummaryLine]) -> str:
-    """Which rule that a train can carry out uses most of the bound under each controller, and at what price."""
-    parts = []
-    for controller in dict.fromkeys(line.controller for line in lines):
-        own = [line for line in lines if line.controller == controller and not _mark(line)]
-        base = next((line for line in own if line.rule == REFERENCE), None)
-        rivals = [line for line in own if line.differences.get(EFFORT, NO_MEAN).value > 0.0]
-        if base is None or len(own) < 2:
-            continue
-        if not rivals:
-            parts.append(f"under {controller} no rule uses more of the bound than {REFERENCE}")
-            continue
-        best, less = rivals[0], rivals[0].differences
-        units = {"slip_time": "axle s of slip", "damage": "kJ of wheel damage"}
-        price = [
-            f"{less[n].value:+.1f} {unit}"
-            for n, unit in units.items()
-            if n in less and less[n].count
-        ]
-        parts.append(
-            f"under {controller} {best.rule} uses most of the bound, {100 * _value(best, EFFORT):.1f} % "
-            f"({100 * less[EFFORT].value:+.2f} points over {REFERENCE}), at {' and '.join(price)} per event"
-        )
-    text = minus("; ".join(parts))
-    return text[:1].upper() + text[1:] + "." if text else ""
-
-
 def frame(lines: Sequence[SummaryLine]) -> pd.DataFrame:
     """Lines as a table of numbers: every printed metric with its interval, and the same less `REFERENCE`."""
     rows = []

@@ -216,7 +216,7 @@ def test_options_of_a_sweep_are_the_arguments_of_its_cells_read_by_their_types()
         ({"steps": ["1,2.5"]}, "--steps 1,2.5: .*integer"),
         (
             {"rule": ["greedy"]},
-            "--rule is no option of the sweep 'own', which has --gain, --rules, --steps",
+            "unknown option of the sweep own 'rule'; did you mean 'rules'?",
         ),
     ):
         with pytest.raises(StudyError, match=message):
