@@ -89,7 +89,7 @@ def as_text(kind: str, align: str, head: Sequence[str], rows: Sequence[Sequence[
     `align` has a letter per column, l or r.
     """
     if kind == "csv":
-        return pd.DataFrame(rows, columns=head).to_csv(index=False, lineterminator="\n")
+        return pd.DataFrame(rows, columns=list(head)).to_csv(index=False, lineterminator="\n")
     texts = [[_words(one) for one in row] for row in (head, *rows)]
     if kind == "markdown":
         escaped = ([one.replace("|", "\\|") for one in row] for row in texts)
