@@ -83,7 +83,7 @@ def needed(module: str) -> Any:
         return import_module(module)
     except ImportError:
         raise InputError(
-            f"the conformance kit needs {module}: install it with `pip install '.[check]'`"
+            f"the conformance kit needs {module}: install it with `pip install -e '.[check]'`"
         ) from None
 
 

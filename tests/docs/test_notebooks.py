@@ -61,7 +61,7 @@ def test_a_cell_that_fails_is_noticed():
 
 def test_a_figure_shows_in_a_notebook_without_pyplot():
     interactive = pytest.importorskip(
-        "IPython.core.interactiveshell", reason="IPython: pip install '.[docs]'"
+        "IPython.core.interactiveshell", reason="IPython: pip install -e '.[docs]'"
     )
     from paper_figs.style import show_figures
 
