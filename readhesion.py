@@ -129,9 +129,8 @@ def sweep(
     What it states is in `table.attrs["statements"]`. `out`: as for `compare`.
     """
     study = find_study(name)
-    if unknown := settings.keys() - study.settings.keys():
-        has = ", ".join(study.settings) or "none of its own"
-        raise StudyError(f"sweep {name!r} has no setting {min(unknown)!r}; it has {has}")
+    for one in settings:
+        study.kind_of(one)
     with tempfile.TemporaryDirectory() as folder:
         place = study_folder(out or folder, name)
         table = study.run(place, events or study.default_events, seed, jobs, **settings)

@@ -113,8 +113,8 @@ class Registry(Mapping[str, Part], Generic[Part]):
         asked, known = str(name).lower(), [*self._parts, *self._installed]
         begun = [one for one in known if one.startswith(asked)]
         near = begun or get_close_matches(asked, known, 1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        raise UnknownName(f"unknown {self.kind} {name!r}; {hint}Known: {', '.join(self)}")
+        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(self)}"
+        raise UnknownName(f"unknown {self.kind} {name!r}; {hint}")
 
     def __iter__(self) -> Iterator[str]:
         self._fill()

@@ -36,8 +36,9 @@ from alloc.onboard.telegrams import NOTHING_ADDED
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
 from alloc.records import ByReference, LaidOut, filled
-from alloc.rules import Allocation, AllocationProblem, Rule, find_rule
+from alloc.rules import AllocationProblem, Rule, find_rule
 from alloc.rules.dispatch import compiled_index
+from alloc.rules.problem import fault_of
 
 
 class _Believed(NamedTuple):
@@ -77,13 +78,9 @@ class _RuleInPython:
             upper_bound=m.upper_bound.copy(),
         )
         answer = self.rule(problem)
-        if not isinstance(answer, Allocation) or not np.all(
-            (answer.limit >= 0.0) & np.isfinite(answer.limit)
-        ):
-            raise SimulationError(
-                f"rule {self.rule.name!r} answers {answer!r:.80} at {tick * self.onboard.period:.2f} s; it must be an "
-                "Allocation with a finite limit, 0 or greater, for every unit"
-            )
+        if fault := fault_of(answer, problem):
+            time = tick * self.onboard.period
+            raise SimulationError(f"rule {self.rule.name!r} {fault} (at {time:.2f} s)")
         m.limit_wanted[:] = answer.limit
         m.train.level[0] = answer.level
         m.train.case[0] = {"none": 0.0, "A": 1.0, "B": 2.0}[answer.case]

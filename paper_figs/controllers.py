@@ -1,6 +1,9 @@
 """Readhesion controllers over random events: from none to MPC, on several adhesion curves, with noise and delay."""
 
+import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,14 +12,15 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from alloc.metrics.registry import range_of
 from alloc.onboard.host import CONTROLLERS
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.recording import attributes_of
-from paper_figs.drawing import figure, made, recorded, study
+from paper_figs.drawing import Source, figure, made, recorded, study
+from paper_figs.saving import Origin
 from paper_figs.style import (
     BAND_GREY,
     BLUE,
@@ -39,6 +43,7 @@ from paper_figs.style import (
     new_figure,
     new_panels,
     number_cell,
+    plain_ticks,
     zero_line,
 )
 from studies.core.drawn_events import complete
@@ -363,3 +368,71 @@ def _given(axes: Axes, good: pd.DataFrame) -> None:
     )
     axes.set_title("adhesion used where the slip is given [%]")
     bare_table(axes)
+
+
+MEASURED = ("peers", "peers-acados")
+"""Stored tables that have times of a unit's period."""
+STORED = Path(__file__).parents[1] / "docs" / "results"
+PERIOD = 10.0
+"""Control period [ms]: what takes longer is late."""
+NOT_STORED = (
+    "a clone of the repository has\nthese times (docs/results);\nan installed package has none"
+)
+KINDS: dict[str, tuple[str, Look]] = {
+    "compiled|own iteration": ("this project's solver", {"color": CONTROLLERS["mpc"].colour, "marker": "o"}),
+    "QP by": ("its iteration in Python with another QP solver", {"color": BLUE, "marker": "s"}),
+    "": ("another solver of the whole problem", {"color": VERMILION, "marker": "^"}),
+}  # fmt: skip
+"""Pattern that a solver's name begins with -> kind of solver, and its look; the first that fits counts."""
+
+
+def stored_times(source: Source) -> pd.DataFrame:
+    """Need: solver, median and 99 % of its times [ms], as the stored tables have them; none in an installed package."""
+    rows: dict[str, dict[str, float]] = {}
+    for path in (STORED / f"{name}.json" for name in MEASURED):
+        if path.exists():
+            stored = json.loads(path.read_text())
+            events, seed = (re.findall(rf"--{key} (\d+)", stored["command"])[0] for key in ("events", "seed"))  # fmt: skip
+            source.origins.append(Origin(stored["command"], f"{events} events", (int(seed),)))
+            for cell, (value,) in ((k, v) for k, v in stored["values"].items() if len(v) == 1):
+                _, _, metric, solver = cell.split(" | ")
+                if metric in ("time", "time_p99"):
+                    rows.setdefault(solver.removeprefix("solver="), {})[metric] = value
+    return pd.DataFrame(rows, ["time", "time_p99"]).T
+
+
+@figure("mpc-times", "computing time of a period of the MPC: the solver of this project and others",
+        stored_times)  # fmt: skip
+def mpc_times(times: pd.DataFrame) -> Figure:
+    """CPU time of a unit of four axles with 20 steps of prediction: a mark at the median, a line from there to 99 %.
+
+    Dashed: the control period, within which a command has to be there. The compiled step is a whole period with belief and
+    search, every other time is that of a solve alone; times of others include Python. Nothing is stored of the greatest
+    times, of other horizons, and of a train's controller.
+    """
+    drawn, one = new_panels(PAGE, 1.2 + 0.16 * max(len(times), 6))
+    found = times.sort_values("time")
+    for y, (solver, (median, most)) in enumerate(zip(found.index, found.to_numpy(), strict=True)):
+        look = next(look for kind, (_, look) in KINDS.items() if re.match(kind, str(solver)))
+        one.plot(
+            [median, most],
+            [y, y],
+            color=look["color"],
+            linewidth=1.2,
+            gid=f"{solver}, median to 99 %",
+        )
+        one.plot([median], [y], **look, markersize=4.0, linestyle="none", gid=f"{solver}, median")
+    one.axvline(PERIOD, **BOUND)
+    one.set_xscale("log")
+    plain_ticks(one.xaxis, LogLocator(10.0))
+    one.set(xlabel="computing time of a period [ms]", ylabel="solver")
+    bare_rows(one)
+    if times.empty:
+        one.text(0.5, 0.5, NOT_STORED, transform=one.transAxes, ha="center", va="center")
+    else:
+        name_rows(one, [str(solver) for solver in found.index])
+    looks = [
+        handle(words, **look, linestyle="none", markersize=4.0) for words, look in KINDS.values()
+    ]
+    legend_below(drawn, [*looks, handle("control period", **BOUND)], 2)
+    return drawn

@@ -53,6 +53,10 @@ from studies.patent.headroom_study import RULES as HEADROOM_RULES
 from studies.patent.headroom_study import STRATA, gain, in_stratum, pairs_of, rules_of
 from studies.patent.information_study import DEMANDS, LEVELS, column
 from studies.patent.information_study import pairs_of as pairs_of_information
+from studies.patent.robustness_study import LOSSES, NOISES
+from studies.patent.robustness_study import RULES as ROBUST_RULES
+from studies.patent.robustness_study import column as robust_column
+from studies.patent.robustness_study import pairs_of as robust_pairs
 
 UNITS, AXLES_PER_UNIT = 8, 4
 EXPECTED = 0.170
@@ -517,3 +521,54 @@ OF_INFORMATION = (
     ("damage", "wheel damage, less own sensors [kJ]", 1.0, -1),
 )
 """Metric, label, factor to its unit, and the better side."""
+
+
+FEW_STARTS = 1
+"""Starts that are run for the figure where the results have none; each has 96 runs."""
+
+
+@figure("robustness", "what each rule uses of the bound under lost telegrams and noisy speeds (sweep robustness)",
+        study("robustness", FEW_STARTS), events="starts")  # fmt: skip
+def robustness(table: pd.DataFrame) -> Figure:
+    """A column per controller, each panel with a scale of its own; a line per share of lost telegrams over the noise.
+
+    Above: mean use of the bound under cooperative; the dashed line is alone, without loss. Below: cooperative less alone at
+    the same loss and noise, paired by start. The places of the noise are evenly spaced.
+    """
+    controllers, pairs = list(dict.fromkeys(table["controller"])), robust_pairs(table)
+    base, sharing = ROBUST_RULES
+    drawn, axes = new_panels(PAGE, 4.4, 2, len(controllers), sharex=True, squeeze=False)
+    shifts, marks = np.linspace(-0.18, 0.18, len(LOSSES)), "osD^"
+    looks: list[Look] = [
+        {"color": LEVEL_COLOURS(k / (len(LOSSES) - 0.5)), "marker": marks[k], "markersize": 3.6}
+        for k in range(len(LOSSES))
+    ]
+    for controller, (used, gained) in zip(controllers, axes.T, strict=True):
+        alone = [100.0 * pairs[robust_column(EFFORT, controller, base, 0.0, one)].mean() for one in NOISES]  # fmt: skip
+        used.plot(range(len(NOISES)), alone, **BOUND, gid=base)
+        for loss, shift, look in zip(LOSSES, shifts, looks, strict=True):
+            own, less = (
+                [pairs[robust_column(EFFORT, controller, rule, loss, one)] for one in NOISES]
+                for rule in (sharing, base)
+            )
+            gains = [one - other for one, other in zip(own, less, strict=True)]
+            for one, values in ((used, own), (gained, gains)):
+                found = [mean_interval(value) for value in values]
+                places, gid = np.arange(len(NOISES)) + shift, f"{100 * loss:g} % lost"
+                for place, mean in zip(places, found, strict=True):
+                    bar = look | {"elinewidth": 0.8, "linestyle": "none", "gid": gid}
+                    interval_mark(one, mean, place, 100.0, bar, upright=True)
+                line = {"color": look["color"], "linewidth": 0.8, "gid": gid}
+                one.plot(places, [100.0 * mean.value for mean in found], **line)
+        gained.axhline(0.0, color=ZERO, linewidth=0.8, zorder=0)
+        gained.set_xticks(range(len(NOISES)), [f"{one:g}" for one in NOISES])
+        used.set_title(controller)
+    axes[0, 0].set_ylabel("used of the bound [%]")
+    axes[1, 0].set_ylabel("used of the bound,\nless alone's [%]")
+    axes[1, len(controllers) // 2].set_xlabel("noise of measured speeds [km/h]")
+    lost = [
+        handle(f"{100 * loss:g} %", **look, linewidth=0.8)
+        for loss, look in zip(LOSSES, looks, strict=True)
+    ]
+    legend_below(drawn, [handle("telegrams lost:", linestyle="none"), *lost, handle(base, **BOUND)])
+    return drawn

@@ -64,6 +64,7 @@ from tests.studies.resistance_tables import resistance_table
 from tests.studies.sweep_tables import claim_table, difference_table
 from tests.studies.test_information_study import information_table
 from tests.studies.test_patent_in_stops import braking_table, printed_table
+from tests.studies.test_robustness_study import robustness_table
 
 PARTS = ("studies", "runs", "figures", "reports")
 STORED = Path(__file__).with_name("results_hash.json")
@@ -107,6 +108,7 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "slide-calibration": (1, {"effort": Effort(12, 1, 1, 1, 6)}),
     "headroom": (2, {"duration": 4.0}),
     "information": (1, {"duration": 4.0}),
+    "robustness": (1, {"duration": 4.0, "controllers": ("cut-and-ramp", "perturb-observe")}),
     "broad": (1, {"controllers": ("cut-and-ramp",)}),
     "sanders": (1, {}),
     "wsp-acceptance": (0, {"adhesion": (0.03,)}),
@@ -130,6 +132,7 @@ SYNTHETIC: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "learning": ("learning", lambda: synthetic(lambda arm, station: 0.01 / station)),
     "headroom": ("headroom", headroom_table),
     "information": ("information", information_table),
+    "robustness": ("robustness", robustness_table),
     "sanders": ("sanders", sander_table),
     "wsp-acceptance": ("wsp-acceptance", acceptance_table),
 }

@@ -55,7 +55,9 @@ def test_a_study_gives_its_table_and_its_statements():
     table = readhesion.sweep("headroom", events=2, duration=3.0, controllers=["cut-and-ramp"])
     assert len(table)
     assert table.attrs["statements"]
-    with pytest.raises(readhesion.InputError, match="has no setting 'durations'"):
+    with pytest.raises(
+        readhesion.InputError, match="unknown option of the sweep headroom 'durations'"
+    ):
         readhesion.sweep("headroom", durations=1.0)
 
 

@@ -3,6 +3,7 @@
 In: `AllocationProblem` (coefficients, (n,)), validated with errors that name field and value. Out: `Allocation`.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
@@ -321,6 +322,24 @@ class Allocation:
     def usable(self, problem: AllocationProblem) -> float:
         """Mean of min(limit, cap) weighted with mass: what would be delivered if the caps were true."""
         return float(np.average(np.minimum(self.limit, problem.cap), weights=problem.weight))
+
+
+def fault_of(answer: Any, problem: AllocationProblem) -> str:
+    """What is wrong with a rule's answer to `problem`, and what to do; empty where it can be carried out."""
+    if not isinstance(answer, Allocation):
+        return f"returns {answer!r:.80}; return allocation(problem, limit, level, case, solve_time)"
+    limit = answer.limit
+    if np.shape(limit) != (problem.n,) or not np.all(np.isfinite(limit)):
+        return f"sets limits {limit} for {problem.n} units; set one finite limit each"
+    if np.min(limit) < 0.0:
+        return f"sets limits {limit}; none may be negative: they are magnitudes"
+    if answer.case not in CASES[1:] and problem.slip:
+        return f"answers case {answer.case!r}; use {' or '.join(CASES[1:])}"
+    if not isinstance(answer.status, str) or not answer.status:
+        return f"has status {answer.status!r:.80}; use 'ok', or say what happened"
+    if not 0.0 <= answer.solve_time < math.inf:
+        return f"has solve_time {answer.solve_time}; give seconds"
+    return ""
 
 
 def allocation(

@@ -24,7 +24,7 @@ import alloc
 from alloc.errors import InputError
 from alloc.rules.exact import EXACT, optimality
 from alloc.rules.patent import GREEDY
-from alloc.rules.problem import CASES, Allocation, AllocationProblem, Floats
+from alloc.rules.problem import CASES, Allocation, AllocationProblem, Floats, fault_of
 from alloc.rules.rule import PROMISES, Rule
 
 # Laws and their verdicts, for parts of any kind.
@@ -83,7 +83,7 @@ def needed(module: str) -> Any:
         return import_module(module)
     except ImportError:
         raise InputError(
-            f"the conformance kit needs {module}: install it with `pip install 'readhesion[check]'`"
+            f"the conformance kit needs {module}: install it with `pip install -e '.[check]'`"
         ) from None
 
 
@@ -320,21 +320,8 @@ KNOWN: dict[str, Known] = {
 def usable(rule: Rule, problem: AllocationProblem) -> Allocation:
     """The rule's answer to `problem`; raises `Unusable` where it is no allocation."""
     answer = rule(problem)
-    if not isinstance(answer, Allocation):
-        raise Unusable(
-            f"returns {brief(answer)}; return allocation(problem, limit, level, case, solve_time)"
-        )
-    limit, n = answer.limit, problem.n
-    if np.shape(limit) != (n,) or not np.all(np.isfinite(limit)):
-        raise Unusable(f"sets limits {limit} for {n} units; set one finite limit each")
-    if np.min(limit) < 0.0:
-        raise Unusable(f"sets limits {limit}; none may be negative: they are magnitudes")
-    if answer.case not in CASES[1:] and problem.slip:
-        raise Unusable(f"answers case {answer.case!r}; use {' or '.join(CASES[1:])}")
-    if not isinstance(answer.status, str) or not answer.status:
-        raise Unusable(f"has status {brief(answer.status)}; use 'ok', or say what happened")
-    if not 0.0 <= answer.solve_time < math.inf:
-        raise Unusable(f"has solve_time {answer.solve_time}; give seconds")
+    if fault := fault_of(answer, problem):
+        raise Unusable(fault)
     return answer
 
 

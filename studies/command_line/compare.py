@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -17,6 +17,7 @@ from studies.command_line.options import (
     MOST_EVENTS,
     MOST_SEEDS,
     FilePath,
+    Format,
     Names,
     Settings,
     Whole,
@@ -48,7 +49,7 @@ class Show:
     """Draw the figures that belong to a comparison."""
     every_event: Annotated[bool, Parameter("--all", negative=())] = False
     """Print the table of each event too, with more columns; it is printed of a single one anyway."""
-    text: Annotated[Literal["csv", "markdown", "latex"] | None, Parameter("--format")] = None
+    text: Format = None
     """Print the table over all events as CSV, Markdown or LaTeX, and nothing else."""
     dry_run: Annotated[bool, Parameter(negative=())] = False
     """Say how many runs there are, how many are to be made and about how long they take; run none."""
@@ -105,7 +106,7 @@ def compare(
     """
     from alloc.recording import provenance
     from alloc.sources import code_hash, write_whole
-    from studies.comparison.pooled import ALL, notes, pooled, pooled_table, printed, sentence
+    from studies.comparison.pooled import ALL, notes, pooled, pooled_table, printed
     from studies.comparison.summary import (
         DEFAULT_SEEDS,
         KEPT_RUNS,
@@ -114,10 +115,11 @@ def compare(
         summarise,
         to_json,
     )
-    from studies.comparison.table import left_out, tables
+    from studies.comparison.table import left_out, minus, tables
     from studies.core.own_parts import try_parts
     from studies.core.run import forecast, read_shard, run_cells
     from studies.core.store import Store
+    from studies.report.answer import sentences, standings
 
     shard = read_shard(work.shard)
     if seeds is not None:
@@ -168,7 +170,9 @@ def compare(
             screen.print(
                 f"[bold]{ALL}[/bold]: means, and what is more than under {REFERENCE}, paired by event:"
             )
-            screen.print(pooled_table(over_all), *notes(over_all), sentence(over_all), sep="\n")
+            fixed = [one.name for one in chosen if not one.draws()]
+            told = map(minus, sentences(lines, standings(lines, fixed)))
+            screen.print(pooled_table(over_all), *notes(over_all), *told, sep="\n")
         screen.print(f"{counted(table, 'runs')}{of_shard(work)}; rows in {store.path}")
         if over_all:
             place = store.folder / "table.csv"
@@ -213,6 +217,7 @@ def sweep(
     out: FilePath = Path("results"),
     seed: Whole = 0,
     work: Work = EVERYTHING,
+    text: Format = None,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
     **own: Settings,
 ) -> int:
@@ -230,13 +235,23 @@ def sweep(
         Folder of results; the sweep's table (parquet) goes to sweeps/NAME in it.
     seed
         Seed of the events, 0 or greater.
+    text
+        Print the numbers of all statements as CSV, Markdown or LaTeX, and nothing else.
     as_json
         Print JSON instead of text.
     own
         Options of the sweep itself, by the arguments of its cells: `readhesion list` names them.
     """
+    from studies.comparison.table import as_text
     from studies.core.run import read_shard
-    from studies.core.statement_report import about, frozen_words, printed, rows_of, shown_rows
+    from studies.core.statement_report import (
+        about,
+        frozen_words,
+        numbers_of,
+        printed,
+        rows_of,
+        shown_rows,
+    )
     from studies.core.study import find_study, study_folder
 
     chosen = find_study(name)
@@ -260,6 +275,8 @@ def sweep(
         if chosen.shown:
             content["rows"] = rows_of(table)
         print(json.dumps(content, indent=2, allow_nan=False))
+    elif text is not None:
+        print(as_text(text, *numbers_of(found)), end="")
     else:
         screen = console()
         if chosen.shown:

@@ -55,6 +55,10 @@ Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative_it
 """Option of several names, one by one or with commas."""
 
 
+Format = Annotated[Literal["csv", "markdown", "latex"] | None, Parameter("--format")]
+"""Option of a table as text to paste, see `studies.comparison.table.as_text`."""
+
+
 def split_names(values: Sequence[str] | None) -> list[str] | None:
     """Names given one by one or with commas."""
     if values is None:
@@ -144,16 +148,10 @@ def settings_of(study: "Study", given: Mapping[str, Sequence[str]]) -> dict[str,
     """
     from pydantic import TypeAdapter, ValidationError  # slow to import
 
-    kinds, found = study.settings, {}
+    found: dict[str, object] = {}
     for option, words in given.items():
         name = option.replace("-", "_")
-        if name not in kinds:
-            has = ", ".join(map(_option, kinds)) or "none of its own"
-            raise StudyError(
-                f"--{option} is no option of the sweep {study.name!r}, which has {has}"
-            )
-        parts = split_names(words)
-        kind = kinds[name]
+        kind, parts = study.kind_of(name), split_names(words)
         if isinstance(kind, UnionType):  # or None
             kind = get_args(kind)[0]
         several = get_origin(kind) in (Sequence, list, tuple)

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from studies.command_line.options import (
     GREATEST_SEED,
     FilePath,
+    Format,
     Whole,
     check_whole,
     command_of,
@@ -34,6 +35,7 @@ def simulate(
     log: FilePath | None = None,
     figure: FilePath | None = None,
     every_metric: Annotated[bool, Parameter("--all", negative=())] = False,
+    text: Format = None,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> None:
     """Run one slip event and print its main metrics.
@@ -57,6 +59,8 @@ def simulate(
         File for a figure of the run (pdf, png or svg), or for one that moves (gif).
     every_metric
         Print every metric.
+    text
+        Print them as CSV, Markdown or LaTeX, and nothing else.
     as_json
         Print JSON with every metric instead of a table.
     """
@@ -66,7 +70,7 @@ def simulate(
     from alloc.recording import save
     from alloc.sources import write_whole
     from studies.comparison.summary import check_names
-    from studies.comparison.table import minus
+    from studies.comparison.table import as_text, minus
     from studies.core.job import Job, simulate_job
     from studies.core.own_parts import try_parts
     from studies.logs.simulated import train_beside, write_log
@@ -97,13 +101,19 @@ def simulate(
         numbers = {name: None if value != value else value for name, value in values.items()}
         print(json.dumps({**about, "metrics": numbers}, indent=2, allow_nan=False))
         return
+    head = ["metric", "value", "unit", "meaning"]
+    rows = [
+        (name, values[name], METRICS[name].unit.removeprefix("1"), METRICS[name].description)
+        for name in (values if every_metric else HEADLINES)
+    ]
+    if text is not None:
+        print(as_text(text, "lrll", head, rows), end="")
+        return
     table = Table(title=f"{chosen.name}: {rule}, {controller}, seed {seed}", title_justify="left")
-    for heading in ("metric", "value", "unit", "meaning"):
+    for heading in head:
         table.add_column(heading, justify="right" if heading == "value" else "left")
-    for name in values if every_metric else HEADLINES:
-        metric, value = METRICS[name], values[name]
-        shown = "–" if value != value else minus(f"{value:.4g}")
-        table.add_row(name, shown, "" if metric.unit == "1" else metric.unit, metric.description)
+    for name, value, unit, meaning in rows:
+        table.add_row(name, "–" if value != value else minus(f"{value:.4g}"), unit, meaning)
     console().print(table)
     if not every_metric:
         console().print(f"{len(values) - len(HEADLINES)} more metrics: --all")

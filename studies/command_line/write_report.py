@@ -241,7 +241,7 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str 
 def export_fmu(scenario: str, *, out: FilePath, unit: Whole | None = None, seed: Whole = 0) -> None:
     """Write a unit of FMI 3.0 for co-simulation with Simulink and others: train and rail, or one unit's readhesion MPC.
 
-    To make one takes Linux, a C compiler and the package fmpy (`pip install 'readhesion[fmi]'`); it runs without Python.
+    To make one takes Linux, a C compiler and the package fmpy (`pip install -e '.[fmi]'`); it runs without Python.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from rich.table import Table
 from alloc.metrics.registry import UNLIMITED, range_of
 from alloc.rules import RULES
 from studies.comparison.summary import EFFORT, MOST_OVER, NO_MEAN, REFERENCE, SummaryLine, means_of
-from studies.comparison.table import COLUMNS, Column, minus
+from studies.comparison.table import COLUMNS, Column, as_text, minus
 from studies.core.statement import LEAST_SHOWN, Interval
 
 ALL = "all events"
@@ -21,8 +21,6 @@ SHOWN = (EFFORT, "over_delivery", "damage", "slip_time", "jerk_rms")
 """Metrics of the table: capped effort, and what it costs."""
 DIFFERENT = (EFFORT, "damage", "slip_time")
 """Those of which the difference from `REFERENCE` is shown."""
-TEX = str.maketrans({"%": r"\%", "−": "$-$", "³": "$^3$", "*": "$^*$", "°": r"$^\circ$"})
-"""What LaTeX writes otherwise, of the characters that stand in the table."""
 
 
 def pooled(lines: Sequence[SummaryLine]) -> list[SummaryLine]:
@@ -151,33 +149,6 @@ def notes(lines: Sequence[SummaryLine]) -> list[str]:
     return [text for mark, text in said.items() if any(_mark(line) == mark for line in lines)]
 
 
-def sentence(lines: Sequence[SummaryLine]) -> str:
-    """Which rule that a train can carry out uses most of the bound under each controller, and at what price."""
-    parts = []
-    for controller in dict.fromkeys(line.controller for line in lines):
-        own = [line for line in lines if line.controller == controller and not _mark(line)]
-        base = next((line for line in own if line.rule == REFERENCE), None)
-        rivals = [line for line in own if line.differences.get(EFFORT, NO_MEAN).value > 0.0]
-        if base is None or len(own) < 2:
-            continue
-        if not rivals:
-            parts.append(f"under {controller} no rule uses more of the bound than {REFERENCE}")
-            continue
-        best, less = rivals[0], rivals[0].differences
-        units = {"slip_time": "axle s of slip", "damage": "kJ of wheel damage"}
-        price = [
-            f"{less[n].value:+.1f} {unit}"
-            for n, unit in units.items()
-            if n in less and less[n].count
-        ]
-        parts.append(
-            f"under {controller} {best.rule} uses most of the bound, {100 * _value(best, EFFORT):.1f} % "
-            f"({100 * less[EFFORT].value:+.2f} points over {REFERENCE}), at {' and '.join(price)} per event"
-        )
-    text = minus("; ".join(parts))
-    return text[:1].upper() + text[1:] + "." if text else ""
-
-
 def frame(lines: Sequence[SummaryLine]) -> pd.DataFrame:
     """Lines as a table of numbers: every printed metric with its interval, and the same less `REFERENCE`."""
     rows = []
@@ -204,14 +175,5 @@ def printed(lines: Sequence[SummaryLine], kind: str) -> str:
         return frame(lines).to_csv(index=False, lineterminator="\n")
     columns = _columns(lines)
     head = ["rule", "controller", "events", *(" ".join(one.split()) for one in _headings(columns))]
-    rows = [head, *(_row(line, columns) for line in lines)]
-    right = len(head) - 2
-    if kind == "markdown":
-        escaped = ([one.replace("|", "\\|") for one in row] for row in rows)
-        first, *others = (f"| {' | '.join(row)} |\n" for row in escaped)
-        return "".join([first, f"|---|---|{'---:|' * right}\n", *others])
-    texts = [" & ".join(row).translate(TEX) + r" \\" for row in rows]
-    begin, end = rf"\begin{{tabular}}{{ll{'r' * right}}}", r"\end{tabular}"
-    return "\n".join(
-        [begin, r"\toprule", texts[0], r"\midrule", *texts[1:], r"\bottomrule", end, ""]
-    )
+    rows = [_row(line, columns) for line in lines]
+    return as_text(kind, "ll" + "r" * (len(head) - 2), head, rows)

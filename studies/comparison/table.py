@@ -1,9 +1,11 @@
 """The printed tables of a comparison: one per scenario, as many columns as the terminal is wide."""
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import pandas as pd
 from rich.box import SIMPLE_HEAD
 from rich.console import Group
 from rich.markup import escape
@@ -73,6 +75,36 @@ DIFFERENCES = (
 def minus(text: str) -> str:
     """Numbers with true minus signs."""
     return re.sub(r"-(?=[0-9])", "−", text)
+
+
+TEX = str.maketrans({
+    "%": r"\%", "_": r"\_", "&": r"\&", "−": "$-$", "²": "$^2$", "³": "$^3$", "*": "$^*$", "°": r"$^\circ$",
+})  # fmt: skip
+"""What LaTeX writes otherwise, of the characters that stand in tables."""
+
+
+def as_text(kind: str, align: str, head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A table as text to paste, as `kind` csv, markdown or latex; numbers have all their digits in csv, else four.
+
+    `align` has a letter per column, l or r.
+    """
+    if kind == "csv":
+        return pd.DataFrame(rows, columns=list(head)).to_csv(index=False, lineterminator="\n")
+    texts = [[_words(one) for one in row] for row in (head, *rows)]
+    if kind == "markdown":
+        escaped = ([one.replace("|", "\\|") for one in row] for row in texts)
+        first, *others = (f"| {' | '.join(row)} |\n" for row in escaped)
+        rule = "".join("---:|" if side == "r" else "---|" for side in align)
+        return "".join([first, f"|{rule}\n", *others])
+    first, *others = (" & ".join(one.translate(TEX) for one in row) + r" \\" for row in texts)
+    begin, end = rf"\begin{{tabular}}{{{align}}}", r"\end{tabular}"
+    return "\n".join([begin, r"\toprule", first, r"\midrule", *others, r"\bottomrule", end, ""])
+
+
+def _words(value: object) -> str:
+    if isinstance(value, float):
+        return minus(f"{value:.4g}") if math.isfinite(value) else "–"
+    return str(value)
 
 
 GAP = 2

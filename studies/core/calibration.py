@@ -88,7 +88,7 @@ def needed(package: str) -> ModuleType:
         return import_module(package)
     except ImportError:
         raise StudyError(
-            f"calibrations need the package {package}; install it with `pip install 'readhesion[calibration]'`"
+            f"calibrations need the package {package}; install it with `pip install -e '.[calibration]'`"
         ) from None
 
 

@@ -120,6 +120,20 @@ def with_meaning(
     return table.join(pd.DataFrame(found, columns=list(columns), index=table.index))
 
 
+def with_parts(
+    table: pd.DataFrame, parts: Mapping[str, tuple[Any, ...]], *columns: str
+) -> pd.DataFrame:
+    """The rows with "event", and what stands behind its name in that of their scenario, in these columns."""
+    names = table["scenario"].str.extract(r"(?P<event>[a-z-]+-\d+-\d{4,})(?P<part>.*)")
+    meanings = {
+        scenario: (event, *parts[part])
+        for scenario, event, part in zip(
+            table["scenario"], names["event"], names["part"], strict=True
+        )
+    }
+    return with_meaning(table, meanings, "event", *columns)
+
+
 def paired(
     table: pd.DataFrame, arm: str, numbers: Iterable[str], drawn: Iterable[str]
 ) -> pd.DataFrame:

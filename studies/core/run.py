@@ -96,7 +96,7 @@ def cluster(scheduler: str) -> Iterator[Workers]:
         from distributed import Client
     except ImportError:
         raise StudyError(
-            "--executor dask needs the package 'distributed': pip install 'readhesion[dask]'"
+            "--executor dask needs the package 'distributed': pip install -e '.[dask]'"
         ) from None
     try:
         address = asyncio.run(_reach(scheduler))

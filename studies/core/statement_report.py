@@ -33,6 +33,16 @@ def printed(statements: list[Statement]) -> list[Group]:
     return [_block(statement) for statement in statements]
 
 
+def numbers_of(statements: list[Statement]) -> tuple[str, list[str], list[list[object]]]:
+    """Every number of every statement as a table: how its columns are aligned, their headings, and the rows."""
+    rows: list[list[object]] = [
+        [one.name, one.verdict, name, found.value, found.low, found.high, found.count]
+        for one in statements
+        for name, found in one.numbers.items()
+    ]
+    return "lllrrrr", ["statement", "verdict", "number", "value", "low", "high", "n"], rows
+
+
 def about(
     study: Study, events: int, seed: int, folder: Path, rows: int, failed: int, **settings: object
 ) -> dict[str, Any]:

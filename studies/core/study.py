@@ -114,6 +114,12 @@ class Study:
         hints = get_type_hints(made)
         return {name: hints.get(name, str) for name in list(signature(made).parameters)[2:]}
 
+    def kind_of(self, setting: str) -> Any:
+        """Type of a setting; raises `StudyError` with the nearest one where the study has none of this name."""
+        if setting not in self.settings:
+            raise unknown(f"option of the sweep {self.name}", setting, self.settings)
+        return self.settings[setting]
+
     def statements(self, table: pd.DataFrame) -> list[Statement]:
         """Statements from the table; raises `StudyError` where it lacks what the statements need."""
         bad = table["status"] != "ok" if "status" in table else pd.Series(dtype=bool)

@@ -25,5 +25,5 @@ def unknown(kind: str, name: str, known: Iterable[str]) -> StudyError:
     """Error for an unknown name of a `kind` of thing, with the nearest known one."""
     known = list(known)
     near = nearest(name, known)
-    hint = f"did you mean {near!r}? " if near else ""
-    return StudyError(f"unknown {kind} {name!r}; {hint}known: {', '.join(known)}")
+    hint = f"did you mean {near!r}?" if near else f"known: {', '.join(known) or 'none'}"
+    return StudyError(f"unknown {kind} {name!r}; {hint}")

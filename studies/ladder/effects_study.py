@@ -22,7 +22,7 @@ from studies.core.drawn_events import (
     log_uniform,
     one_of,
     paired,
-    with_meaning,
+    with_parts,
 )
 from studies.core.job import Job
 from studies.core.statement import INTERVALS_OF_MEANS, POINTS
@@ -84,6 +84,8 @@ def effect_of(name: str, seed: int, k: int) -> Effect:
 
 FIXED, SLIP = Arm("alone", "pi-creep"), 0.25
 """An arm that holds this slip [m/s], wherever the peak is."""
+FIXED_SLIP = "-fixed-slip"
+"""What its scenario's name ends with."""
 ARMS = (
     *(Arm("alone", controller) for controller in ("cut-and-ramp", "perturb-observe", "mpc")),
     *(Arm(rule, "perturb-observe") for rule in ("greedy", "cooperative")),
@@ -140,7 +142,7 @@ def scenario(seed: int, k: int, effect: str, duration: float = headroom_study.DU
     event = headroom_study.scenario(seed, k, duration)
     motors, rail = effect_of(effect, seed, k)
     return event.changed(
-        name=_name(event.name, effect), motors=dict(motors) or None, rail=_rail(event, rail)
+        name=event.name + _part(effect), motors=dict(motors) or None, rail=_rail(event, rail)
     )
 
 
@@ -163,24 +165,19 @@ def cells(seed: int, k: int, duration: float = headroom_study.DURATION) -> list[
     for effect in EFFECTS:
         one = scenario(seed, k, effect, duration)
         creep = one.onboard.model_dump() | {"creep": {"reference_kmh": 3.6 * SLIP}}
-        fixed = one.changed(name=f"{one.name}-fixed-slip", onboard=creep)
+        fixed = one.changed(name=one.name + FIXED_SLIP, onboard=creep)
         found += [Job(fixed if arm == FIXED else one, *arm, k) for arm in ARMS]
     return found
 
 
-def _name(event: str, effect: str) -> str:
-    return event if effect == NONE else f"{event}-{effect.replace(', ', ' ').replace(' ', '-')}"
+def _part(effect: str) -> str:
+    return "" if effect == NONE else f"-{effect.replace(', ', ' ').replace(' ', '-')}"
 
 
 def meant(table: pd.DataFrame, seed: int, events: int) -> pd.DataFrame:
     """The rows with "event" and "effect"."""
-    names = {
-        _name(event, effect) + arm: (event, effect)
-        for event in (headroom_study.event_name(seed, k) for k in range(events))
-        for effect in EFFECTS
-        for arm in ("", "-fixed-slip")
-    }
-    return with_meaning(table, names, "event", "effect")
+    parts = {_part(effect) + arm: (effect,) for effect in EFFECTS for arm in ("", FIXED_SLIP)}
+    return with_parts(table, parts, "effect")
 
 
 EFFECTS_STUDY = Study(

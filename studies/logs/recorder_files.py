@@ -167,7 +167,7 @@ def _library(name: str, package: str, path: Path, what: str = "") -> ModuleType:
     except ImportError:
         raise StudyError(
             f"log {str(path)!r}: reading {what or path.suffix} needs the package {package}; install it with "
-            "`pip install 'readhesion[logs]'`"
+            "`pip install -e '.[logs]'`"
         ) from None
 
 

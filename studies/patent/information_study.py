@@ -5,12 +5,13 @@ the driver. So each has a front: the wheel damage that an effort costs, and the 
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import pandas as pd
 
 from studies.core.claims import AT_LEAST, AT_MOST, Claim, family
-from studies.core.drawn_events import complete, paired, with_meaning
+from studies.core.drawn_events import complete, paired, with_parts
 from studies.core.job import Job, check_controller
 from studies.core.statement import INTERVALS_OF_MEANS, POINTS, Statement
 from studies.core.study import EachEvent, Study
@@ -98,11 +99,11 @@ def scenario(seed: int, k: int, level: str, demand: float, duration: float) -> S
     command: list[dict[str, Any]] = [one.model_dump() for one in event.command]
     for one in command:
         one["acceleration_kmhs"] *= demand
-    return event.changed(name=_name(event.name, level, demand), onboard=onboard, command=command)
+    return event.changed(name=event.name + _part(level, demand), onboard=onboard, command=command)
 
 
-def _name(event: str, level: str, demand: float) -> str:
-    return f"{event}-{list(LEVELS).index(level)}-{demand:g}"
+def _part(level: str, demand: float) -> str:
+    return f"-{list(LEVELS).index(level)}-{demand:g}"
 
 
 def cells(
@@ -124,13 +125,8 @@ def cells(
 
 def meant(table: pd.DataFrame, seed: int, events: int) -> pd.DataFrame:
     """The rows with "event", "level" and "demand"."""
-    names = {
-        _name(event, level, demand): (event, level, demand)
-        for event in (headroom_study.event_name(seed, k) for k in range(events))
-        for level in LEVELS
-        for demand in DEMANDS
-    }
-    return with_meaning(table, names, "event", "level", "demand")
+    parts = {_part(*one): one for one in product(LEVELS, DEMANDS)}
+    return with_parts(table, parts, "level", "demand")
 
 
 def statements(table: pd.DataFrame) -> list[Statement]:

@@ -301,7 +301,7 @@ def _headers() -> Path:
     found = find_spec("fmpy")
     if found is None or found.origin is None:
         raise StudyError(
-            "units of FMI need the package fmpy; install it with `pip install 'readhesion[fmi]'`"
+            "units of FMI need the package fmpy; install it with `pip install -e '.[fmi]'`"
         )
     return Path(found.origin).parent / "c-code"
 

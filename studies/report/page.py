@@ -179,7 +179,7 @@ def check_packages() -> None:
         import plotly  # noqa: F401
     except ImportError as error:
         raise StudyError(
-            f"a report needs the package {error.name!r}: pip install 'readhesion[report]'"
+            f"a report needs the package {error.name!r}: pip install -e '.[report]'"
         ) from None
 
 

@@ -54,6 +54,13 @@ def test_every_cell_runs_and_shows_something(page, monkeypatch):
             one.savefig(io.BytesIO(), format="png")
 
 
+def test_a_header_has_what_other_tools_ask_for():
+    """Jupytext makes no notebook of a file whose kernel has no name to display."""
+    for page in NOTEBOOKS:
+        header = (ROOT / page).read_text(encoding="utf-8").split("---")[1]
+        assert "display_name: Python 3" in header, page
+
+
 def test_a_cell_that_fails_is_noticed():
     with pytest.raises(ZeroDivisionError):
         run_cells(["a = 1", "a / 0"])
@@ -61,7 +68,7 @@ def test_a_cell_that_fails_is_noticed():
 
 def test_a_figure_shows_in_a_notebook_without_pyplot():
     interactive = pytest.importorskip(
-        "IPython.core.interactiveshell", reason="IPython: pip install 'readhesion[docs]'"
+        "IPython.core.interactiveshell", reason="IPython: pip install -e '.[docs]'"
     )
     from paper_figs.style import show_figures
 

@@ -69,6 +69,7 @@ from tests.studies.mismatch_tables import mismatch_table
 from tests.studies.position_tables import position_table
 from tests.studies.sweep_tables import claim_table, difference_table
 from tests.studies.test_information_study import information_table
+from tests.studies.test_robustness_study import robustness_table
 
 DPI = 50
 
@@ -83,10 +84,16 @@ def six_events() -> pd.DataFrame:
     return comparison_table(seeds=5, scenarios=(*SCENARIOS, "four", "five", "six"))
 
 
+def solver_times() -> pd.DataFrame:
+    """Times of a solver of each kind [ms], the fastest last."""
+    names = ("fatrop", "QP by daqp", "compiled step")
+    return pd.DataFrame({"time": [50.0, 2.0, 0.1], "time_p99": [80.0, 3.0, 0.3]}, names)
+
+
 TABLES = {
     "allocation-bars": (), **dict.fromkeys(("rule-comparison", "rule-events"), (six_events,)),
     "ladder": (ladder_table,), "curves": (curve_table,), "headroom": (headroom_table,), "mismatch": (mismatch_table,),
-    "information": (information_table,),
+    "information": (information_table,), "robustness": (robustness_table,), "mpc-times": (solver_times,),
     "differences": (difference_table,), "brake-cut-out": (brake_table,), "learning": (learning_table,),
     **dict.fromkeys(("claim-verdicts", "claim-verdicts-search"), (lambda: claim_table(60),)),
     "adhesion-curve": (), "open-rails": (), "model": (),

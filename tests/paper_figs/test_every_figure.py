@@ -15,11 +15,11 @@ from matplotlib.testing.compare import calculate_rms
 
 from alloc.onboard.host import CONTROLLERS
 from alloc.plant.adhesion import PiecewiseCurve
-from paper_figs import rules
+from paper_figs import controllers, rules
 from paper_figs.adhesion import PEAK
 from paper_figs.brakes import ACCUSED, FAULT
 from paper_figs.controllers import SEEKING
-from paper_figs.drawing import FIGURES
+from paper_figs.drawing import FIGURES, Source
 from paper_figs.drawn_data import drawn_data
 from paper_figs.model import PLAN
 from paper_figs.patent import LEARNERS, LOOKS, claim_verdicts, claim_verdicts_search, learning
@@ -42,10 +42,14 @@ from studies.comparison.pooled import ALL, pooled
 from studies.comparison.summary import EFFORT, MOST_OVER, REFERENCE, summarise
 from studies.core.drawn_events import COMPARED, Arm
 from studies.core.statement import FAILS, HOLDS, LEAST_SHOWN
+from studies.core.store import Store
 from studies.files.study_error import StudyError
 from studies.ladder.mismatch_study import GIVEN, NOISES, RAILS
 from studies.patent.claims_study import CLAIM_STUDY, LAYERS
 from studies.patent.learning_study import TOLERANCE as LEARNT_WITHIN
+from studies.patent.robustness_study import CONTROLLERS as CONTROLLERS_MET
+from studies.patent.robustness_study import LOSSES
+from studies.patent.robustness_study import NOISES as NOISES_MET
 from studies.readhesion_paper.paper import DROP, RECOVERY
 from tests.docs.pages import PAGES
 from tests.paper_figs import small_figures
@@ -61,9 +65,9 @@ TOLERANCE = 1.0
 """Root mean square over all pixels, of 255; a mark that moves by its own width gives more."""
 BODY = 7.0
 """Size of type [points] of a figure as printed."""
-UNIT = re.compile(r"\[(–|%|s|m|km|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
+UNIT = re.compile(r"\[(–|%|s|m|km|m/s|m/s²|m/s³|ms|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
-    "unit", "event", "car (1 = foremost)", "axle from the front", "stations", "adhesion curve",
+    "unit", "event", "solver", "car (1 = foremost)", "axle from the front", "stations", "adhesion curve",
     "first half ahead of car", "second half ahead of car",
 }  # fmt: skip
 """Labels of axes that count things, which have no unit."""
@@ -313,6 +317,31 @@ def its_lines_are_differences_over_the_noise_and_its_cells_the_given_slips(figur
     assert all(
         one.get_facecolor()[2] > one.get_facecolor()[0] for one in cells.patches
     )  # blue: better
+
+
+@law("robustness")
+def its_lines_are_the_means_and_its_gains_are_paired(figure):
+    """Noise makes all alike worse, so a gain is that of the table at every noise, and its interval leaves the days out."""
+    data = drawn_data(figure)
+    means = data[data["kind"] == "mean"]
+    gains = means[means["panel"].str[0].astype(int) > len(CONTROLLERS_MET)]
+    assert len(gains) == len(means) / 2 == len(CONTROLLERS_MET) * len(LOSSES) * len(NOISES_MET)
+    lost = gains["series"].str.extract(r"(\d+) %").astype(float)[0] / 100.0
+    np.testing.assert_allclose(gains["y"], 2.0 - 0.1 * lost / LOSSES[-1], atol=0.15)
+    assert (gains["y_high"] - gains["y_low"]).max() < 0.3
+    used = means.drop(gains.index)
+    assert (used["y_high"] - used["y_low"]).min() > 0.3  # the days
+
+
+@law("mpc-times")
+def its_solvers_are_in_order_and_its_lines_reach_the_slow_periods(figure):
+    times = small_figures.solver_times().sort_values("time")
+    data = drawn_data(figure)
+    for solver, (median, most) in zip(times.index, times.to_numpy(), strict=True):
+        line = data[data["series"] == f"{solver}, median to 99 %"]
+        assert sorted(line["x"]) == [median, most]
+        assert set(line["place"]) == {solver}
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == list(times.index)
 
 
 @law("adhesion-drop")
@@ -592,3 +621,16 @@ def test_what_changes_in_a_picture_is_seen(monkeypatch):
             patched.setattr(rules, name, changed)
             after = pixels(FIGURES["rule-comparison"](table))
         assert calculate_rms(before, after) > TOLERANCE, name
+
+
+def test_the_stored_times_of_solvers_are_read_with_their_command_and_missed_in_a_package(
+    monkeypatch, tmp_path
+):
+    source = Source(Store(tmp_path))
+    found = controllers.stored_times(source)
+    assert {"compiled step", "fatrop", "acados SQP_RTI"} <= set(found.index)
+    assert (found["time"] < found["time_p99"]).all()
+    assert all("closed_loop" in one.command and one.seeds for one in source.origins)
+    monkeypatch.setattr(controllers, "STORED", tmp_path)
+    (words,) = FIGURES["mpc-times"](controllers.stored_times(source)).axes[0].texts
+    assert "an installed package has none" in words.get_text()

@@ -354,7 +354,7 @@ def test_loads_need_one_per_car():
 def test_unknown_set_suggests_the_nearest():
     with pytest.raises(PlantError, match="did you mean 'freight-17'"):
         find_set("freigt-17")
-    with pytest.raises(PlantError, match="Known: one-axle"):
+    with pytest.raises(PlantError, match="known: one-axle"):
         find_set("zzz")
 
 

@@ -49,4 +49,4 @@ def unpacked(replay):
 def need_packages() -> None:
     """Skip a module where what a page is made with is not installed."""
     for package in ("jinja2", "plotly"):
-        pytest.importorskip(package, reason=f"{package}: pip install 'readhesion[report]'")
+        pytest.importorskip(package, reason=f"{package}: pip install -e '.[report]'")

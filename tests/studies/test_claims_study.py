@@ -193,6 +193,9 @@ def test_the_command_prints_json(call, stub, tmp_path):
     (statement,) = content["statements"]
     assert statement["verdict"] == "holds"
     assert statement["numbers"]["wetness [-]"]["high"] is None
+    asked = ("sweep", "claims", "--out", tmp_path, "--jobs", 1, "--format")
+    assert call(*asked, "csv")[1].splitlines()[1] == "x,holds,wetness [-],1.0,0.9,,3"
+    assert call(*asked, "markdown")[1].endswith("| x | holds | wetness [-] | 1 | 0.9 | – | 3 |\n")
     assert stub[0][1:3] == (3, 2)
 
 

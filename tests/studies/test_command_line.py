@@ -1,8 +1,10 @@
 """The command as a user meets it: what it prints, what it writes, and one clear line for what cannot be."""
 
 import errno
+import io
 import json
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -11,6 +13,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from PIL import Image
 from pydantic import TypeAdapter
@@ -23,6 +27,7 @@ from alloc.rules import RULES
 from alloc.sources import ASIDE
 from studies.command_line.main import run
 from studies.command_line.options import command_of, settings_of
+from studies.command_line.simulate import HEADLINES
 from studies.core.plugins import VARIABLE
 from studies.core.store import Store
 from studies.core.study import EachEvent, Study, all_studies
@@ -146,6 +151,14 @@ def test_one_event_is_simulated_and_goes_out_as_a_run_a_figure_or_json(call, sho
     assert (content["scenario"], content["seed"]) == ("short", 3)
     assert set(content["metrics"]) == set(METRICS)
     assert content["metrics"]["coupler_peak"] is None
+    texts = {kind: call("simulate", short_file, "--seed", 3, "--format", kind)[1]
+             for kind in ("csv", "markdown", "latex")}  # fmt: skip
+    shown = pd.read_csv(io.StringIO(texts["csv"]), index_col="metric")["value"]
+    assert list(shown.index) == list(HEADLINES)
+    wanted = [content["metrics"][name] for name in HEADLINES]
+    np.testing.assert_allclose(shown, np.array(wanted, dtype=float))  # null is nan
+    assert len(texts["markdown"].splitlines()) == 2 + len(HEADLINES)
+    assert r"bound\_use & " in texts["latex"]
 
 
 def test_a_figure_of_a_line_or_a_log_names_the_command_that_gives_it(call, short_file, tmp_path):
@@ -203,7 +216,7 @@ def test_options_of_a_sweep_are_the_arguments_of_its_cells_read_by_their_types()
         ({"steps": ["1,2.5"]}, "--steps 1,2.5: .*integer"),
         (
             {"rule": ["greedy"]},
-            "--rule is no option of the sweep 'own', which has --gain, --rules, --steps",
+            "unknown option of the sweep own 'rule'; did you mean 'rules'?",
         ),
     ):
         with pytest.raises(StudyError, match=message):
@@ -231,12 +244,25 @@ def test_what_is_not_installed_or_drawn_is_named(call, short_file, write_scenari
         assert all(one in line for one in said)
 
 
-def process(*arguments: object, **options) -> subprocess.Popen:
-    command = [sys.executable, "-m", "studies.command_line"]
+def process(*arguments: object, module="studies.command_line", **options) -> subprocess.Popen:
+    command = [sys.executable, "-m", module]
     return subprocess.Popen(
         [*command, *map(str, arguments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
     )  # fmt: skip
+
+
+def test_the_package_of_figures_draws_by_name_and_a_wrong_name_is_one_sentence(tmp_path):
+    for name, code, told in (
+        ("adhesion-curve", 0, r"drawn in [\d.]+ s: adhesion-curve [\d.]+ s\n"),
+        ("adhesion-curv", 2, r"readhesion: unknown figure 'adhesion-curv'; did you mean 'adhesion-curve'\?.*\n"),
+    ):  # fmt: skip
+        found = process(name, module="paper_figs", cwd=tmp_path)
+        out, err = found.communicate()
+        assert found.returncode == code
+        assert re.fullmatch(told, err), err
+        assert len(out.splitlines()) == (0 if code else 4)
+    assert (tmp_path / "figures" / "adhesion-curve.pdf").read_bytes().startswith(PDF)
 
 
 def test_a_file_that_cannot_be_finished_leaves_the_one_that_was_there(

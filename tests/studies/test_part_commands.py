@@ -74,7 +74,7 @@ def test_what_cannot_be_checked_is_refused_in_one_line(call, plugin, monkeypatch
     assert "is no Rule" in said(*plugin, "check", "function")
     drawn_cases.cache_clear()
     monkeypatch.setitem(sys.modules, "hypothesis", None)
-    assert "pip install 'readhesion[check]'" in said("check", "polach-wet")
+    assert "pip install -e '.[check]'" in said("check", "polach-wet")
 
 
 def test_the_test_file_of_the_docs_passes(tmp_path):

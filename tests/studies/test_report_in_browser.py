@@ -14,9 +14,7 @@ from tests.studies import report_pages
 from tests.studies.conftest import SHORT
 
 report_pages.need_packages()
-sync_api = pytest.importorskip(
-    "playwright.sync_api", reason="playwright: pip install 'readhesion[test]'"
-)
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright: pip install -e '.[test]'")
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 CHROMIUM = next(filter(None, map(shutil.which, NAMES)), None)

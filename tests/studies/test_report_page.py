@@ -414,5 +414,5 @@ def test_a_missing_package_is_named_before_anything_is_run(call, tmp_path, monke
     monkeypatch.setitem(sys.modules, "plotly", None)
     code, _, err = call("report", "--scenario", "wet-patch")
     assert code == 2
-    assert "pip install 'readhesion[report]'" in err
+    assert "pip install -e '.[report]'" in err
     assert not list(tmp_path.iterdir())
