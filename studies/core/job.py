@@ -108,12 +108,6 @@ class Job:
         return (__name__, *parts, *self.scenario.sources, *sorted(metrics), *measures)
 
     @property
-    def programs(self) -> tuple[str, ...]:
-        """The loop, in which rules and controllers are compiled, and the compiled code of parts that live in Python."""
-        parts = {RULES.origin(self.rule), CONTROLLERS.origin(self.controller)}
-        return ("alloc.loop", *sorted(parts))
-
-    @property
     def group(self) -> Hashable:
         """Its event, the same for all rules; None under a controller in Python, whose long runs gain nothing from it."""
         return None if is_hosted(self.controller) else (self.scenario.hash(), self.seed)
