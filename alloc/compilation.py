@@ -217,7 +217,7 @@ _OPTIONS: Any = {"error_model": "numpy", "fastmath": FASTMATH, "no_cfunc_wrapper
 # down again, atomically, which costs ten times the arithmetic of a small train. Nothing compiled here allocates or keeps
 # an array, so nothing has to be counted; Numba refuses to compile what would.
 _COMPILED: Any = _OPTIONS | {"nogil": True, "_nrt": False}
-_NO_WRAPPER: Any = {"no_cpython_wrapper": True}  # for calls from Python, which calls the function itself
+_NO_WRAPPER: Any = {"no_cpython_wrapper": True}
 INLINED: Any = _OPTIONS | _NO_WRAPPER | {"forceinline": True}
 """Options of what is inlined where it is called: a law is a few instructions, a call would cost more than they do."""
 

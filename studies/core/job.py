@@ -104,8 +104,7 @@ class Job:
         """Modules of the simulation, of the measure, and of the run's parts, wherever they come from."""
         measures = () if self.measure is None else (self.measure.__module__,)
         parts = (RULES.origin(self.rule), CONTROLLERS.origin(self.controller))
-        metrics = {METRICS.origin(name) for name in METRICS}
-        return (__name__, *parts, *self.scenario.sources, *sorted(metrics), *measures)
+        return (__name__, *parts, *self.scenario.sources, *sorted(METRICS.origins()), *measures)
 
     @property
     def group(self) -> Hashable:

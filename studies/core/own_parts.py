@@ -54,7 +54,8 @@ def _try_rule(name: str) -> None:
     if not is_own(RULES, name):
         try:
             rule = RULES.find(name)
-            if rule.law is None:  # it may need a solver; others would only be compiled here, before workers begin
+            # those with a law need no solver, and are compiled where a worker needs them
+            if rule.law is None:
                 rule(problem)
         except (ValueError, ImportError) as error:
             raise StudyError(" ".join(str(error).split())) from None

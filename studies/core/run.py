@@ -241,7 +241,7 @@ def _missing(
     keep: Sequence[str],
     retry_failed: bool,
 ) -> list[Work]:
-    """What is to be done: a slow cell and a quick one, which compile different things; then the slow ones, lest one is last."""
+    """What is to be done: a slow cell and a quick one, which compile different things; other slow ones, lest one is last."""
     succeeded = store.cells(keys)
     work = []
     for cell, key in zip(cells, keys, strict=True):
