@@ -194,7 +194,9 @@ def test_compiled_call_equals_the_python_call(problem):
         if rule.name == "cooperative":  # its law needs what a run remembers, see below
             continue
         limit, address = np.empty(problem.n), address_of(rule.law, LAW)
-        level, reached = by_address(address, units_of(problem), problem.expected, limit)
+        *arrays, plan = units_of(problem)
+        units = Units(*map(np.array, arrays), plan)  # the loop's may be written
+        level, reached = by_address(address, units, problem.expected, limit)
         answer = rule(problem)
         assert limit.tolist() == answer.limit.tolist()
         assert CASES[CASE_B if reached else CASE_A] == answer.case
