@@ -7,10 +7,13 @@ and a changed comment would cost minutes.
 import hashlib
 import inspect
 import logging
+import multiprocessing
+import os
 import pickle
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -24,9 +27,10 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
+from numba.core.targetconfig import TargetConfig
 from numba.extending import register_jitable
 
-from alloc.sources import cache_folder, code_hash, keep, kept, path_of, shipped
+from alloc.sources import cache_folder, code_hash, keep, kept, path_of, private, shipped
 
 COMPILING = (
     "readhesion: compiling the simulation, about half a minute; later runs load what is compiled"
@@ -35,12 +39,24 @@ COMPILING = (
 
 @lru_cache(maxsize=1)
 def _say_compiling() -> None:
-    """Tell who waits, at a terminal, a Python prompt or in a notebook, once; else the program's log at level INFO."""
+    """Tell who waits, at a terminal, a Python prompt or in a notebook, once; else the program's log at level INFO.
+
+    Where a worker compiles, the terminal shows the progress of its parent.
+    """
     waits = "ipykernel" in sys.modules or hasattr(sys, "ps1")
-    if waits or (sys.stderr is not None and sys.stderr.isatty()):
+    own = sys.stderr is not None and multiprocessing.parent_process() is None
+    if waits or (own and sys.stderr.isatty()):
         print(COMPILING, file=sys.stderr, flush=True)
     else:
         logging.getLogger(__name__).info(COMPILING)
+
+
+_equal: Any = TargetConfig.__eq__
+# Numba compares its options with each type of a call, by every default of both: an eighth of the time of compiling
+cast(Any, TargetConfig).__eq__ = lambda one, other: (
+    one._values == getattr(other, "_values", None) or _equal(one, other)
+)
+cast(Any, TargetConfig).__hash__ = lambda one: hash(type(one))
 
 
 LEVELS = {
@@ -97,8 +113,28 @@ class _Kernels(Cache):
             # types that look alike may be others: of a named tuple Numba shows neither fields nor module
             if found.signature.args == normalize_signature(sig)[0]:
                 return found
-        _say_compiling()
         return None
+
+    @contextmanager
+    def alone(self, sig: Any, codegen: Any) -> Iterator[None]:
+        """Let one process compile what is not kept, while others that need it wait, and then load it.
+
+        The lock lies in the machine's own temporary folder, for locks on a network's folders cannot be relied on.
+        """
+        if (cache_folder() / self._key(sig, codegen)).exists() or self._content(sig, codegen):
+            yield
+            return
+        _say_compiling()
+        from filelock import FileLock
+
+        user = f"readhesion-{getattr(os, 'getuid', int)()}"
+        name = f"{cache_folder()} {self._py_func.__module__}.{self._py_func.__qualname__}"
+        file = f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.lock"
+        with ExitStack() as held:
+            with suppress(OSError):  # then two may compile the same
+                folder = private(Path(tempfile.gettempdir()) / user / "compiling")
+                held.enter_context(FileLock(folder / file))
+            yield
 
     def save_overload(self, sig: Any, data: Any) -> None:
         if not data.library.has_dynamic_globals:  # addresses, which another process has not
@@ -140,7 +176,7 @@ class _Entry(CPUDispatcher):
             return (JITCodeLibrary if name == own else _Linked)(codegen, name)
 
         cast(Any, library)._unserialize = JITCodeLibrary._unserialize  # of what is kept
-        with global_compiler_lock:
+        with global_compiler_lock, cast(Any, self)._cache.alone(sig, codegen):
             before, codegen._library_class = codegen._library_class, library
             try:
                 return super().compile(sig)
@@ -181,13 +217,14 @@ _OPTIONS: Any = {"error_model": "numpy", "fastmath": FASTMATH, "no_cfunc_wrapper
 # down again, atomically, which costs ten times the arithmetic of a small train. Nothing compiled here allocates or keeps
 # an array, so nothing has to be counted; Numba refuses to compile what would.
 _COMPILED: Any = _OPTIONS | {"nogil": True, "_nrt": False}
-INLINED: Any = _OPTIONS | {"forceinline": True}
+_NO_WRAPPER: Any = {"no_cpython_wrapper": True}
+INLINED: Any = _OPTIONS | _NO_WRAPPER | {"forceinline": True}
 """Options of what is inlined where it is called: a law is a few instructions, a call would cost more than they do."""
 
 equation = register_jitable(**INLINED)
 """Decorator of a law that NumPy, Numba and CasADi evaluate from one text."""
 
-called: Any = register_jitable(**_OPTIONS)
+called: Any = register_jitable(**_OPTIONS, **_NO_WRAPPER)
 """Decorator of a law that is called, not inlined: one so long that the call costs little and inlining costs much."""
 
 
@@ -202,8 +239,7 @@ def inlined_jit(function: Any) -> Any:
     The compiler then sees the whole of a step, and keeps in registers what its parts share. No wrapper for calls from Python
     is made, for nobody makes any: such a call raises `TypeError`.
     """
-    options: Any = INLINED | _COMPILED | {"no_cpython_wrapper": True}
-    part = numba.njit(**options)(function)
+    part = numba.njit(**(INLINED | _COMPILED))(function)
     if isinstance(part, CPUDispatcher):
         part.__class__ = _Part
     return part

@@ -30,8 +30,8 @@ from alloc.plant import engine as compiled
 from alloc.plant.engine import copy_row, find_limits, peak_field
 from alloc.plant.model import Floats, Inputs, Layout, Model
 from alloc.records import ByReference
-from alloc.rules.dispatch import allocate_compiled
-from alloc.rules.rule import Caps, Units
+from alloc.rules.problem import CASE_A, CASE_B
+from alloc.rules.rule import Caps, Units, law_at
 
 # What the loop writes down of an instant, compiled.
 
@@ -248,7 +248,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             progress.phase[0] = DISTRIBUTE
             if needed:
                 m.counter.rule_calls[0] += 1
-                if st.rule.compiled < 0:
+                if st.rule.law == 0:
                     return ALLOCATION
                 asked = Units(
                     m.cap,
@@ -261,9 +261,8 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                     m.mark,
                     m.train.expected[0],
                 )
-                m.train.level[0], m.train.case[0] = allocate_compiled(
-                    st.rule.compiled, asked, m.lead.needed[0], m.limit_wanted
-                )
+                level, reached = law_at(st.rule.law)(asked, m.lead.needed[0], m.limit_wanted)
+                m.train.level[0], m.train.case[0] = level, CASE_B if reached else CASE_A
         if progress.phase[0] == DISTRIBUTE:
             row = (tick // st.telegrams.ticks) % given.delay_draw.shape[0]
             distribute(eq, st, m, time, tick, given.delay_draw[row], given.loss_draw[row])

@@ -99,6 +99,11 @@ class Registry(Mapping[str, Part], Generic[Part]):
         self._fill()
         return self._installed[name].module if name in self._installed else self._origins[name]
 
+    def origins(self) -> set[str]:
+        """Modules that parts come from."""
+        self._fill()
+        return {*self._origins.values(), *(entry.module for entry in self._installed.values())}
+
     def shipped(self) -> list[str]:
         """Names of the parts that come with the project."""
         return [name for name in self if self._ships(self.origin(name))]

@@ -35,10 +35,10 @@ from alloc.onboard.state import RESERVE, Memory, RuleSettings, attachments, memo
 from alloc.onboard.telegrams import NOTHING_ADDED
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
-from alloc.records import ByReference, LaidOut, filled
+from alloc.records import ByReference, LaidOut, address_of, filled
 from alloc.rules import AllocationProblem, Rule, find_rule
-from alloc.rules.dispatch import compiled_index
 from alloc.rules.problem import fault_of
+from alloc.rules.rule import LAW
 
 
 class _Believed(NamedTuple):
@@ -219,8 +219,9 @@ class Simulation:
         def empty() -> LaidOut:
             return LaidOut(memory(eq, event.initial_speed, expected, added))
 
-        compiled = compiled_index(chosen) if onboard.limit_rate is None else -1
-        of_rule = filled(RuleSettings, chosen, compiled=compiled)
+        by_law = chosen.law is not None and onboard.limit_rate is None
+        address = address_of(chosen.law, LAW) if by_law else 0
+        of_rule = filled(RuleSettings, chosen, law=address)
         computers = Computers(
             laid_out,
             ByReference(settings(onboard, of_rule, law, reserve)),

@@ -8,12 +8,14 @@ import os
 import pickle
 import pkgutil
 import shutil
+import signal
 import subprocess
 import sys
 import textwrap
 import threading
 import warnings
 from collections import namedtuple
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -121,7 +123,9 @@ def kernel(tmp_path, monkeypatch):
             for old, new in edits.get(name.removesuffix(".py"), ()):
                 assert old in text
                 text = text.replace(old, new)
-            (tmp_path / "pack" / name).write_text(text)
+            file = tmp_path / "pack" / name
+            if not file.exists() or file.read_text() != text:  # several processes may be here
+                file.write_text(text)
         with monkeypatch.context() as patch:
             for name in VARIABLES:
                 patch.delenv(name, raising=False)
@@ -312,6 +316,21 @@ def forked(work):
         return ours.recv()
     process.join()
     return process.exitcode
+
+
+def test_of_processes_that_need_a_kernel_one_compiles_and_the_others_load(kernel, tmp_path):
+    """Also where the one that compiled is killed: its lock ends with it."""
+    kernel()
+    shutil.rmtree(tmp_path / "cache")
+    with ThreadPoolExecutor(3) as at_once:
+        answers = [answer for answer, _ in at_once.map(lambda _: forked(kernel), range(3))]
+    assert sorted(answers) == [(7.0, False), (7.0, False), (7.0, True)]
+    assert forked(lambda: (killed_while_compiling(), kernel(law=[("*", "-")]))) == -signal.SIGKILL
+    assert forked(lambda: kernel(law=[("*", "-")]))[0] == (0.0, True)
+
+
+def killed_while_compiling():
+    compilation.keep = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 
 
 def survives_damage(folder, patterns, work, times):

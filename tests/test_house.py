@@ -23,7 +23,7 @@ LEAST_LINES, MOST_LINES = 80, 700
 SMALL_FOR_A_REASON = {
     "names of a package": ("*.__init__",),
     "entry points": ("*.__main__", "studies.command_line.*", "*.study", "*_study"),
-    "entries of parts": ("mpc.hosted", "alloc.rules.dispatch"),
+    "entries of parts": ("mpc.hosted",),
     "all that generated code imports": ("mpc.arrays",),
     "cited apart from what uses it": ("alloc.onboard.controllers.swarm",),
     "data": ("alloc.units",),

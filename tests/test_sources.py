@@ -214,10 +214,10 @@ def test_every_file_behind_a_cell_changes_its_key_and_no_comment_does(hashes):
 def test_what_a_run_imports_is_in_its_closure():
     """Against what Python itself says that it imports."""
     text = (
-        "import sys, studies.core.job, alloc.simulation, alloc.rules.dispatch\n"
+        "import sys, studies.core.job, alloc.simulation, alloc.rules.wear\n"
         "print(*(n for n in sys.modules if n.partition('.')[0] in ('alloc', 'mpc', 'studies')))"
     )
     loaded = subprocess.run(
         [sys.executable, "-c", text], capture_output=True, text=True, check=True
     )
-    assert set(loaded.stdout.split()) <= closure("studies.core.job", "alloc.rules.dispatch")
+    assert set(loaded.stdout.split()) <= closure("studies.core.job", "alloc.rules.wear")

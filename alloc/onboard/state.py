@@ -61,8 +61,8 @@ from alloc.rules.rule import AT_SLIP, Caps, Trigger
 class RuleSettings(NamedTuple):
     """The allocation rule of the run."""
 
-    compiled: int
-    """Its identifier; -1: it is called in Python."""
+    law: int
+    """Address of its compiled law; 0: it is called in Python."""
     trigger: int = Trigger.LIMITED
     """When it is asked, a `Trigger`; in `Settings` that of the event."""
     caps: int = Caps.FRONT

@@ -1,6 +1,6 @@
 """Allocation rules: how the units of a train share the effort when adhesion falls short. All on one signature.
 
-A rule registers where it is written; those with a compiled law are named in `alloc.rules.dispatch` too.
+A rule registers where it is written.
 """
 
 from typing import TYPE_CHECKING

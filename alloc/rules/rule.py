@@ -10,10 +10,12 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 
 from alloc.compilation import jit
 from alloc.display import displayed
 from alloc.errors import AllocationError
+from alloc.records import stored_at
 from alloc.registry import Registry
 from alloc.rules.problem import (
     CASE_A,
@@ -99,6 +101,17 @@ class Units(NamedTuple):
     """Coefficient that each unit has shown to carry; one that was never limited counts as the best of the others."""
     plan: float
     """What the driver asks of every unit; the rule may be called with more, to make up for others."""
+
+
+LAW = types.FunctionType(
+    types.Tuple((types.float64, types.boolean))(
+        types.NamedTuple((types.float64[::1],) * 8 + (types.float64,), Units),
+        types.float64,
+        types.float64[::1],
+    )
+)
+"""A compiled law, see `Rule.law`, whose address the loop of a run is given."""
+law_at = stored_at(LAW)
 
 
 @displayed

@@ -87,9 +87,9 @@ def means_of(values: Floats, within: Sequence[tuple[float, float]]) -> list[Inte
         if not some.any():
             continue
         columns = np.ascontiguousarray(values[np.ix_(some, np.array(mine))].T)
-        for k, value, low, high in zip(mine, *mean_limits(columns, CONFIDENCE), strict=True):
-            one = Interval(float(value), float(low), float(high), columns.shape[1])
-            found[k] = one.cut(within[k])
+        limits = (one.tolist() for one in mean_limits(columns, CONFIDENCE))
+        for k, value, low, high in zip(mine, *limits, strict=True):
+            found[k] = Interval(value, low, high, columns.shape[1]).cut(within[k])
     return found
 
 
@@ -117,6 +117,8 @@ def summarise(table: pd.DataFrame) -> list[SummaryLine]:
         share = np.divide(time, calls, out=np.full_like(time, math.nan), where=asked)
         numbers, names = np.column_stack([numbers, share]), [*names, RULE_CALL_TIME]
     status, seeds = table["status"].to_numpy(dtype=object), table["seed"].tolist()
+    reasons = table["reason"].to_numpy(dtype=object)
+    ranges = [NEVER_NEGATIVE if name == RULE_CALL_TIME else range_of(name) for name in names]
     rows: dict[Cell, list[int]] = {}
     for k, cell in enumerate(zip(*(table[name] for name in CELL), strict=True)):
         rows.setdefault(cell, []).append(k)
@@ -134,8 +136,8 @@ def summarise(table: pd.DataFrame) -> list[SummaryLine]:
                 len(mine),
                 len(bad) - degraded,
                 degraded,
-                tuple(dict.fromkeys(table["reason"].iloc[bad])),
-                _means(names, numbers[good[cell]], [_range(name) for name in names]),
+                tuple(dict.fromkeys(reasons[bad])),
+                _means(names, numbers[good[cell]], ranges),
                 {} if rule == REFERENCE or not pairs else _differences(names, np.array(pairs)),
             )
         )
@@ -146,10 +148,6 @@ def _means(
     names: Sequence[str], values: Floats, within: Sequence[tuple[float, float]]
 ) -> dict[str, Interval]:
     return dict(zip(names, means_of(values, within), strict=True))
-
-
-def _range(name: str) -> tuple[float, float]:
-    return NEVER_NEGATIVE if name == RULE_CALL_TIME else range_of(name)
 
 
 def _differences(names: Sequence[str], pairs: Floats) -> dict[str, Interval]:

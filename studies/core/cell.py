@@ -45,10 +45,6 @@ class Cell(Protocol):
         """Modules that determine the rows, with all that they import."""
 
     @property
-    def programs(self) -> tuple[str, ...]:
-        """Modules whose compiled code the work runs, in alphabetical order."""
-
-    @property
     def group(self) -> Hashable:
         """Cells of the same group, unless it is None, share what they prepare; one worker does them."""
 
@@ -99,11 +95,6 @@ class Task:
         """The function's module; a script's module by its file, since `__main__` is another module in a worker."""
         module = self.function.__module__
         return (inspect.getfile(self.function) if module == "__main__" else module,)
-
-    @property
-    def programs(self) -> tuple[str, ...]:
-        """Those of the sources."""
-        return self.sources
 
     @property
     def group(self) -> None:

@@ -104,14 +104,7 @@ class Job:
         """Modules of the simulation, of the measure, and of the run's parts, wherever they come from."""
         measures = () if self.measure is None else (self.measure.__module__,)
         parts = (RULES.origin(self.rule), CONTROLLERS.origin(self.controller))
-        metrics = {METRICS.origin(name) for name in METRICS}
-        return (__name__, *parts, *self.scenario.sources, *sorted(metrics), *measures)
-
-    @property
-    def programs(self) -> tuple[str, ...]:
-        """The loop, in which rules and controllers are compiled, and the compiled code of parts that live in Python."""
-        parts = {RULES.origin(self.rule), CONTROLLERS.origin(self.controller)}
-        return ("alloc.loop", *sorted(parts))
+        return (__name__, *parts, *self.scenario.sources, *sorted(METRICS.origins()), *measures)
 
     @property
     def group(self) -> Hashable:

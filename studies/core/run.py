@@ -3,32 +3,27 @@
 import asyncio
 import ctypes
 import gc
-import hashlib
 import json
 import multiprocessing
 import os
 import re
 import signal
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import ExitStack, closing, contextmanager, redirect_stdout
+from contextlib import closing, contextmanager, redirect_stdout
 from copy import copy
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple, TypeVar
 
 import pandas as pd
-from filelock import FileLock
 
-from alloc.sources import cache_folder, code_hash, private
 from studies.core import interruption
 from studies.core.cell import Cell, Key, OnRow, Outcome, Row, Shared, key_of, run_cell
 from studies.core.job import Job
@@ -164,58 +159,6 @@ def _watch(parent: int) -> None:
     os._exit(1)
 
 
-# The first work with a program on a machine goes alone: it compiles, and the others load what it compiled.
-#
-# Locks and marks lie in the machine's own temporary folder, for locks on a network's folders cannot be relied on.
-
-MARK = ".done"
-"""Ending of the file that says that a program has been run here."""
-
-
-@contextmanager
-def alone_at_first(programs: Sequence[str]) -> Iterator[None]:
-    """Do what stands inside alone if it is this machine's first work with one of `programs`, see `Cell.programs`.
-
-    Where kernels were deleted since, several processes compile them at once, which is slower and nothing worse.
-    """
-    first = []
-    with ExitStack() as held:
-        for program in programs:
-            place = _place(program)
-            if place is None or _marked(place):
-                continue
-            lock = held.enter_context(FileLock(f"{place}.lock"))
-            if _marked(place):  # by the one that was waited for
-                lock.release()
-            else:
-                first.append(place)
-        yield
-        for place in first:
-            place.with_suffix(MARK).touch()
-
-
-@lru_cache(maxsize=256)
-def _place(program: str) -> Path | None:
-    """Where lock and mark of a program lie, by its code and by where its kernels lie; None where they cannot."""
-    code = f"{code_hash(program, later=False)} {cache_folder()}"
-    user = f"readhesion-{getattr(os, 'getuid', int)()}"
-    try:
-        folder = private(Path(tempfile.gettempdir()) / user / "first-work")
-    except OSError:
-        return None
-    return folder / hashlib.sha256(code.encode()).hexdigest()[:16]
-
-
-_KNOWN: set[Path] = set()
-"""Programs whose mark this process has seen."""
-
-
-def _marked(place: Path) -> bool:
-    if place not in _KNOWN and place.with_suffix(MARK).exists():
-        _KNOWN.add(place)
-    return place in _KNOWN
-
-
 FLUSH_INTERVAL = 2.0
 """Rows are written at least this often [s] while cells finish."""
 TASKS_EACH = 4
@@ -298,7 +241,7 @@ def _missing(
     keep: Sequence[str],
     retry_failed: bool,
 ) -> list[Work]:
-    """What is to be done: the first cell, for it compiles; then the slow ones, lest one of them is left to the end."""
+    """What is to be done: a slow cell and a quick one, which compile different things; other slow ones, lest one is last."""
     succeeded = store.cells(keys)
     work = []
     for cell, key in zip(cells, keys, strict=True):
@@ -307,7 +250,9 @@ def _missing(
         again = kept and not store.has_run(key) if done else done is None or retry_failed
         if again:
             work.append((cell, key, kept))
-    return work[:1] + sorted(work[1:], key=lambda one: one[0].group is not None)
+    slow = [one for one in work if one[0].group is None]
+    quick = [one for one in work if one[0].group is not None]
+    return slow[:1] + quick[:1] + slow[1:] + quick[1:]
 
 
 def _tasks(work: Sequence[Work], count: int, together: int = 1) -> list[list[Work]]:
@@ -400,7 +345,7 @@ def _do(task: Sequence[Work]) -> Iterator[Outcome]:
         if cell.group != group:
             group, shared = cell.group, {}
         # a part of one's own may print; stdout is for results
-        with alone_at_first(cell.programs), redirect_stdout(sys.stderr):
+        with redirect_stdout(sys.stderr):
             outcome = run_cell(cell, key, keep, shared)
         yield outcome
 

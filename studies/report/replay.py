@@ -138,11 +138,6 @@ class ReplayCell:
         return (*self.job.sources, __name__)
 
     @property
-    def programs(self) -> tuple[str, ...]:
-        """Those of the job."""
-        return self.job.programs
-
-    @property
     def group(self) -> Hashable:
         """That of the job."""
         return self.job.group

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from alloc.compilation import jit
+from alloc.records import address_of
 from alloc.rules import RULES, AllocationProblem, find_rule
-from alloc.rules.dispatch import allocate_compiled, compiled_index
 from alloc.rules.exact import polish
-from alloc.rules.rule import Units
+from alloc.rules.rule import LAW, Units, law_at
 
 EXPECTED = 0.17
 CALLS = 200
@@ -54,12 +54,12 @@ def test_call(benchmark, rule, n):
 
 
 @jit
-def repeat(rule_id, caps, expected, mass, limit_max, limit):
+def repeat(law, caps, expected, mass, limit_max, limit):
     """As the compiled simulation calls it: one rule over all rows of `caps`; the sum keeps the calls alive."""
     total = 0.0
     for k in range(caps.shape[0]):
         units = Units(caps[k], mass, limit_max, limit, limit, limit, limit_max, caps[k], expected)
-        level, _ = allocate_compiled(rule_id, units, expected, limit)
+        level, _ = law_at(law)(units, expected, limit)
         total += level
     return total
 
@@ -70,7 +70,7 @@ def test_compiled(benchmark, rule, n):
     benchmark.group = f"{CALLS} calls inside compiled code, {n} units"
     caps = np.array([problem.cap for problem in sequence(n)])
     arguments = (
-        compiled_index(RULES[rule]),
+        address_of(RULES[rule].law, LAW),
         caps,
         EXPECTED,
         np.ones(n),

@@ -4,8 +4,6 @@ import logging
 import multiprocessing
 import os
 import signal
-import tempfile
-import threading
 import time
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -22,7 +20,7 @@ from alloc.rules.rule import RULES, Rule
 from studies.command_line.main import run
 from studies.comparison.summary import Grid
 from studies.core.cell import Task
-from studies.core.run import Workers, _tasks, alone_at_first, cluster, processes, run_cells, workers
+from studies.core.run import Workers, _tasks, cluster, processes, run_cells, workers
 from studies.core.store import Store
 from studies.core.study import Study
 from studies.files.study_error import StudyError
@@ -175,46 +173,6 @@ def test_a_rule_that_breaks_fails_its_own_row_alone(short, tmp_path, monkeypatch
     )
     status = dict(zip(table["rule"], table["status"], strict=True))
     assert status == {"alone": "ok", "qp": "failed", "exact": "ok"}
-
-
-@pytest.fixture
-def own_place(tmp_path, monkeypatch):
-    """Locks and marks of this test alone."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(studies.core.run, "_KNOWN", set())
-    studies.core.run._place.cache_clear()
-    yield
-    studies.core.run._place.cache_clear()
-
-
-def test_the_first_work_with_a_program_goes_alone_and_what_follows_does_not(own_place):
-    said: list[str] = []
-    second_in = threading.Event()
-
-    def second():
-        with alone_at_first(("alloc.loop",)):
-            said.append("second")
-            second_in.set()
-
-    other = threading.Thread(target=second)
-    with alone_at_first(("alloc.loop", "alloc.rules.qp")):
-        other.start()
-        second_in.wait(0.2)
-        said.append("first")
-    other.join()
-    assert said == ["first", "second"]
-    with alone_at_first(("alloc.loop",)):
-        second()  # would wait for ever if this held the lock
-    assert said == ["first", "second", "second"]
-
-
-def test_work_that_was_interrupted_leaves_no_mark(own_place, tmp_path):
-    with pytest.raises(KeyboardInterrupt), alone_at_first(("alloc.loop",)):
-        raise KeyboardInterrupt
-    assert not list(tmp_path.rglob("*.done"))
-    with alone_at_first(("alloc.loop",)):
-        assert not list(tmp_path.rglob("*.done"))
-    assert len(list(tmp_path.rglob("*.done"))) == 1
 
 
 def test_figures_of_the_same_rows_are_drawn_once(tmp_path, monkeypatch):
