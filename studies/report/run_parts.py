@@ -25,7 +25,7 @@ BRAKING = {
     "shoe force": ("alloc.onboard.laws",),
 }  # fmt: skip
 """Parts of a run in which the driver brakes."""
-COLLECTING = {"registry", "collection", "dispatch"}
+COLLECTING = {"registry", "collection"}
 """Names of modules that know all parts of a kind."""
 NUMBER = re.compile(r"^\s*(\w+)\s*=\s*([-+.\d\[][^#]*?)\s*(?:#\s*(.*?)\s*)?$")
 """A key with a number or a list in a TOML file, and the remark beside it."""
