@@ -7,18 +7,14 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.special import ndtr, stdtrit
 from scipy.stats import bootstrap, ttest_1samp
 
 from alloc.metrics.registry import METRICS
 from studies.core.statement import (
-    AT_ONCE,
     LEAST,
     MOST,
     RESAMPLES,
-    SEED,
     Interval,
-    _bootstrapped,
     column_interval,
     mean_interval,
     mean_limits,
@@ -70,18 +66,6 @@ def test_limits_of_many_events_are_those_of_the_library_and_of_students_t():
     students = ttest_1samp(values[0], 0.0).confidence_interval()
     for other in (found.confidence_interval, students):
         np.testing.assert_allclose([low, high], other, atol=0.1 * (high - low))
-
-
-def test_limits_are_those_of_the_library_at_the_widened_level():
-    generator = np.random.default_rng(7)
-    for quantities, count in ((1, LEAST), (5, 14), (40, 300), (2, MOST)):
-        values = generator.exponential(size=(quantities, count))
-        wider = stdtrit(count - 1, 0.975) * np.sqrt(count / (count - 1))
-        found = bootstrap(
-            (values,), np.mean, axis=-1, n_resamples=RESAMPLES, batch=AT_ONCE // values.size,
-            confidence_level=1.0 - 2.0 * ndtr(-wider), rng=np.random.default_rng(SEED),
-        )  # fmt: skip
-        np.testing.assert_array_equal(_bootstrapped(values, 0.95), found.confidence_interval)
 
 
 def test_too_few_or_very_many_events_have_students_t():
