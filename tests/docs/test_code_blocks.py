@@ -38,6 +38,7 @@ PROGRAM = re.compile(r"readhesion (.*)")
 OTHER_PROGRAMS = ("dask ", "srun ")
 """Beginnings of lines that no test here understands: they need a cluster."""
 RUN = {
+    "simulate wet-patch --rule exact --format markdown",
     "list",
     "check greedy",
     "cite wet-patch --rule greedy --controller mpc",

@@ -20,7 +20,8 @@ def test_notebooks_are_five_and_say_what_runs_them():
     assert len(NOTEBOOKS) == 5
     for page in NOTEBOOKS:
         text = (ROOT / page).read_text(encoding="utf-8")
-        assert text.startswith("---\nfile_format: mystnb\nkernelspec:\n  name: python3\n---\n")
+        kernel = "kernelspec:\n  display_name: Python 3\n  name: python3\n"  # Jupytext asks for both names
+        assert text.startswith(f"---\nfile_format: mystnb\n{kernel}---\n")
         assert {one.language for one in blocks() if one.page == page} == {CELL}
         assert page.removeprefix("docs/notebooks/") in PAGES["docs/notebooks/index.md"]
 

@@ -143,7 +143,7 @@ COMMAND_LINES = [
     Case("sweep wsp-acceptance --curve polac", "did you mean 'polach'"),
     Case("sweep wsp-acceptance --train one-axle", "no air brake"),
     Case("sweep wsp-acceptance --train nope", "unknown train"),
-    Case("sweep curves --adhesion 0.1", "no option of the sweep 'curves'"),
+    Case("sweep curves --adhesion 0.1", "unknown option of the sweep curves 'adhesion'"),
     Case("check gredy", "did you mean 'greedy'"),
     Case("check greedy --promise none", "--promise none"),
     Case("compare --jobs -1", "--jobs -1"),

@@ -288,7 +288,7 @@ def test_what_is_no_file_of_its_ending_or_needs_a_package_is_refused_in_one_sent
         monkeypatch.setitem(sys.modules, module, None)
         path = tmp_path / f"log.{ending}"
         path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(520))
-        with pytest.raises(StudyError, match=rf"needs the package {package}.*readhesion\[logs\]"):
+        with pytest.raises(StudyError, match=rf"needs the package {package}.*\.\[logs\]"):
             read_recording(path)
 
 
