@@ -55,13 +55,6 @@ def test_every_cell_runs_and_shows_something(page, monkeypatch):
             one.savefig(io.BytesIO(), format="png")
 
 
-def test_a_header_has_what_other_tools_ask_for():
-    """Jupytext makes no notebook of a file whose kernel has no name to display."""
-    for page in NOTEBOOKS:
-        header = (ROOT / page).read_text(encoding="utf-8").split("---")[1]
-        assert "display_name: Python 3" in header, page
-
-
 def test_a_cell_that_fails_is_noticed():
     with pytest.raises(ZeroDivisionError):
         run_cells(["a = 1", "a / 0"])
