@@ -159,6 +159,21 @@ class AlwaysIdle:
         return TorqueDecision(0.0, True, "ok", 1e-4)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="a setting of glibc")
+def test_the_memory_of_a_run_is_used_again():
+    code = (
+        "import resource, numpy as np\n"
+        "from studies.core.run import reuse_memory\n"
+        "def faults():\n"
+        "    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt\n"
+        "    [np.ones(1_000_000) for _ in range(5)]\n"
+        "    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before\n"
+        "faults(); print(faults()); reuse_memory(); faults(); print(faults())"
+    )
+    anew, again = map(int, subprocess.check_output([sys.executable, "-c", code]).split())
+    assert again < anew / 4
+
+
 def test_runs_that_are_to_be_kept_are_recorded_even_if_their_row_exists(short, tmp_path):
     grid = Grid((short,), ("alone", "exact"), ("none",), (0,))
     store = Store(tmp_path)
