@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 
 import matplotlib as mpl
 import numpy as np
@@ -48,6 +49,10 @@ from studies.comparison.pooled import ALL, is_marked, pooled, shared_events
 from studies.comparison.summary import EFFORT, NO_MEAN, REFERENCE, SummaryLine, summarise
 from studies.core.drawn_events import complete
 from studies.core.statement import LEAST_SHOWN, Interval, mean_interval
+from studies.ladder.equal_effort_study import ARMS, MPC, SEARCH
+from studies.ladder.equal_effort_study import BASE as SEARCHER
+from studies.ladder.equal_effort_study import BEST as CHOSEN_ARM
+from studies.ladder.equal_effort_study import pairs_of as pairs_of_arms
 from studies.patent.differences_study import closed_loop
 from studies.patent.headroom_study import RULES as HEADROOM_RULES
 from studies.patent.headroom_study import STRATA, gain, in_stratum, pairs_of, rules_of
@@ -571,4 +576,55 @@ def robustness(table: pd.DataFrame) -> Figure:
         for loss, look in zip(LOSSES, looks, strict=True)
     ]
     legend_below(drawn, [handle("telegrams lost:", linestyle="none"), *lost, handle(base, **BOUND)])
+    return drawn
+
+
+@figure("equal-effort", "wheel damage over effort: a search, and the MPC by its price of friction (sweep equal-effort)",
+        study("equal-effort", FEW_STARTS), events="starts")  # fmt: skip
+def equal_effort(table: pd.DataFrame) -> Figure:
+    """Left: wheel damage over effort, both less those of cooperative with perturb-observe, paired by start.
+
+    A line is the MPC under one rule over its price of friction [s/m]; a point by itself is the search. Right: the excess of
+    wheel damage over the least at the same effort, over the same effort.
+    """
+    pairs = pairs_of_arms(table)
+    drawn, axes = new_panels(PAGE, 2.8, 1, 2, sharex=True)
+    rules = dict.fromkeys(arm.rule for arm in ARMS)
+    for rule, controller in product(rules, (SEARCH, MPC)):
+        own = [arm for arm in ARMS if (arm.rule, arm.controller) == (rule, controller)]
+        effort = [
+            mean_interval(100.0 * (pairs[arm.of(EFFORT)] - pairs[SEARCHER.of(EFFORT)]))
+            for arm in own
+        ]
+        base = pairs[SEARCHER.of("damage")]
+        damage = [mean_interval((pairs[arm.of("damage")] - base) / base.mean()) for arm in own]
+        excess = [mean_interval(pairs[arm.of("excess_damage")]) for arm in own]
+        look = rule_look(rule) | controller_fill(controller) | {"markersize": 4.0}
+        for one, costs in zip(axes, (damage, excess), strict=True):
+            for x, y in zip(effort, costs, strict=True):
+                interval_mark(
+                    one,
+                    y,
+                    x.value,
+                    100.0,
+                    look | {"elinewidth": 0.8, "linestyle": "none", "gid": f"{rule}, {controller}"},
+                    upright=True,
+                )
+            line = {"color": look["color"], "linewidth": 0.8, "gid": f"{rule}, {controller}"}
+            one.plot([x.value for x in effort], [100.0 * y.value for y in costs], **line)
+            for arm, x, y in zip(own, effort, costs, strict=True):
+                if arm.price and rule == CHOSEN_ARM.rule:
+                    one.annotate(
+                        f"{arm.price:g}",
+                        (x.value, 100.0 * y.value),
+                        (4, 2),
+                        textcoords="offset points",
+                        fontsize=NOTE,
+                    )
+    axes[0].set_ylabel("wheel damage, less the search's [%]")
+    axes[1].set_ylabel("excess of wheel damage [%]")
+    for one in axes:
+        one.set_xlabel("used of the bound, less the search's [%]")
+        one.axvline(0.0, color=ZERO, linewidth=0.8, zorder=0)
+    legend_below(drawn, [*rule_handles(rules), *controller_handles((SEARCH, MPC))])
     return drawn

@@ -62,6 +62,7 @@ from tests.studies.mismatch_tables import mismatch_table
 from tests.studies.position_tables import position_table
 from tests.studies.resistance_tables import resistance_table
 from tests.studies.sweep_tables import claim_table, difference_table
+from tests.studies.test_equal_effort_study import effort_table
 from tests.studies.test_information_study import information_table
 from tests.studies.test_patent_in_stops import braking_table, printed_table
 from tests.studies.test_robustness_study import robustness_table
@@ -109,6 +110,7 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "headroom": (2, {"duration": 4.0}),
     "information": (1, {"duration": 4.0}),
     "robustness": (1, {"duration": 4.0, "controllers": ("cut-and-ramp", "perturb-observe")}),
+    "equal-effort": (1, {"duration": 4.0}),
     "broad": (1, {"controllers": ("cut-and-ramp",)}),
     "sanders": (1, {}),
     "wsp-acceptance": (0, {"adhesion": (0.03,)}),
@@ -133,6 +135,7 @@ SYNTHETIC: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "headroom": ("headroom", headroom_table),
     "information": ("information", information_table),
     "robustness": ("robustness", robustness_table),
+    "equal-effort": ("equal-effort", effort_table),
     "sanders": ("sanders", sander_table),
     "wsp-acceptance": ("wsp-acceptance", acceptance_table),
 }

@@ -68,6 +68,7 @@ from tests.studies.made_tables import (
 from tests.studies.mismatch_tables import mismatch_table
 from tests.studies.position_tables import position_table
 from tests.studies.sweep_tables import claim_table, difference_table
+from tests.studies.test_equal_effort_study import effort_table
 from tests.studies.test_information_study import information_table
 from tests.studies.test_robustness_study import robustness_table
 
@@ -94,6 +95,7 @@ TABLES = {
     "allocation-bars": (), **dict.fromkeys(("rule-comparison", "rule-events"), (six_events,)),
     "ladder": (ladder_table,), "curves": (curve_table,), "headroom": (headroom_table,), "mismatch": (mismatch_table,),
     "information": (information_table,), "robustness": (robustness_table,), "mpc-times": (solver_times,),
+    "equal-effort": (effort_table,),
     "differences": (difference_table,), "brake-cut-out": (brake_table,), "learning": (learning_table,),
     **dict.fromkeys(("claim-verdicts", "claim-verdicts-search"), (lambda: claim_table(60),)),
     "adhesion-curve": (), "open-rails": (), "model": (),

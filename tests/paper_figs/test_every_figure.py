@@ -44,6 +44,7 @@ from studies.core.drawn_events import COMPARED, Arm
 from studies.core.statement import FAILS, HOLDS, LEAST_SHOWN
 from studies.core.store import Store
 from studies.files.study_error import StudyError
+from studies.ladder.equal_effort_study import MPC, PRICES, SEARCH
 from studies.ladder.mismatch_study import GIVEN, NOISES, RAILS
 from studies.patent.claims_study import CLAIM_STUDY, LAYERS
 from studies.patent.learning_study import TOLERANCE as LEARNT_WITHIN
@@ -331,6 +332,21 @@ def its_lines_are_the_means_and_its_gains_are_paired(figure):
     assert (gains["y_high"] - gains["y_low"]).max() < 0.3
     used = means.drop(gains.index)
     assert (used["y_high"] - used["y_low"]).min() > 0.3  # the days
+
+
+@law("equal-effort")
+def its_searches_are_points_and_its_lines_fall_with_effort(figure):
+    """In the made-up table the MPC under wear is on the search's effort at the chosen price, with a tenth less damage."""
+    found = drawn_data(figure)
+    means = found[found["kind"] == "mean"]
+    damage = means[means["panel"].str.startswith("1")]
+    line = damage[damage["series"] == f"wear, {MPC}"].sort_values("x")
+    assert len(line) == len(PRICES)
+    assert line["y"].is_monotonic_increasing
+    np.testing.assert_allclose(
+        line.loc[line["x"].abs().idxmin(), ["x", "y"]].astype(float), (0.0, -10.0), atol=0.5
+    )
+    assert len(damage[damage["series"] == f"wear, {SEARCH}"]) == 1
 
 
 @law("mpc-times")
