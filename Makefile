@@ -6,6 +6,7 @@ STAMP  := $(VENV)/.installed
 TOOLS  := $(VENV)/.tools-installed
 BENCH  := $(VENV)/.bench-installed
 DOCS   := $(VENV)/.docs-installed
+INSTALL = $(BIN)/uv pip install --quiet --python $(BIN)/python -c constraints.txt -e
 STUDY  ?=
 ONLY   ?= studies,runs,figures,reports
 MUTANTS ?= 240
@@ -27,11 +28,12 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "readhesion needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version). Try: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[report]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt uv
+	$(INSTALL) '.[report]'
 	@touch $(STAMP)
 
 $(TOOLS): $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,lint]'
+	$(INSTALL) '.[test,lint]'
 	@touch $(TOOLS)
 
 setup: $(TOOLS)      ## create .venv and install (a second call does nothing)
@@ -46,7 +48,7 @@ figures: $(STAMP)    ## draw the figures of the papers
 	$(BIN)/readhesion figures
 
 $(DOCS): $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	$(INSTALL) '.[docs]'
 	@touch $(DOCS)
 
 docs: $(DOCS)        ## build the documentation site into build/docs; a warning is an error
@@ -77,7 +79,7 @@ soak: setup          ## MINUTES of random commands (drawn by SEED) with kills, a
 	$(BIN)/python -m tests.soak --minutes $(MINUTES) --seed $(SEED)
 
 $(BENCH): $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	$(INSTALL) '.[bench]'
 	@touch $(BENCH)
 
 bench: $(BENCH)      ## run the benchmarks; fails where a ratio grew by a fifth
