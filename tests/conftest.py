@@ -20,3 +20,8 @@ def memory():
     unit = 1 if sys.platform == "darwin" else 1024
     taken = unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     assert taken < MOST_MEMORY, f"this process of the tests took {taken / 1e9:.1f} GB"
+
+
+def pytest_collection_modifyitems(items):
+    """The slow ones first, so that no process is left with one when the others are done."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)

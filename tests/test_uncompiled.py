@@ -5,9 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 FOLDER = Path(__file__).parent / "uncompiled"
 
 
+@pytest.mark.slow
 def test_parts_of_the_compiled_loop_as_plain_python():
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist", "-p", "no:cacheprovider", FOLDER],
