@@ -42,6 +42,10 @@ class Arm(NamedTuple):
         """Column of a metric."""
         return f"{metric}@{self.rule}/{self.price:g}"
 
+    def __str__(self) -> str:
+        """As a statement's number names it."""
+        return f"{self.rule}, {self.controller}" + (f", {self.price:g} s/m" if self.price else "")
+
 
 ARMS = (
     *(Arm(rule, SEARCH) for rule in RULES),
@@ -53,15 +57,12 @@ BASE, BEST = Arm("cooperative", SEARCH), Arm("wear", MPC, CHOSEN)
 def _claim(
     name: str, words: str, metric: str, sign: str, value: float, reason: str, base: Arm = BASE
 ) -> Claim:
-    mean = f"{BEST.of(metric)} {sign} {base.of(metric)}" if sign else BEST.of(metric)
     return Claim(
-        name, f"{words} under wear with the MPC at {CHOSEN:g} s/m than under {base.rule} with {base.controller}",
-        mean, AT_LEAST if metric == "bound_use" else AT_MOST, value, reason=reason, method=METHOD,
+        name, f"{words} under {BEST} than under {base}",
+        f"{BEST.of(metric)} {sign} {base.of(metric)}",
+        AT_LEAST if metric == "bound_use" else AT_MOST, value, reason=reason, method=METHOD,
         show=POINTS if metric in ("bound_use", "excess_damage") else in_words("{:+.1f} [{:+.1f}, {:+.1f}] %, n = {}", 100),
-        numbers={
-            f"{arm.rule}, {arm.controller}, {arm.price:g} s/m": f"{arm.of(metric)} {sign or '-'} {base.of(metric)}"
-            for arm in ARMS
-        },
+        numbers={str(arm): f"{arm.of(metric)} {sign} {base.of(metric)}" for arm in ARMS},
     )  # fmt: skip
 
 
@@ -73,9 +74,9 @@ CLAIMS = (
     _claim("rule", "less excess of wheel damage", "excess_damage", "-", 0.0, "the rule has its share in it",
            Arm("cooperative", MPC, CHOSEN)),
     Claim(
-        "excess", f"wear with the MPC at {CHOSEN:g} s/m is within 7 % of the least wheel damage of its effort",
+        "excess", f"{BEST}: within 7 % of the least wheel damage of its effort",
         BEST.of("excess_damage"), AT_MOST, 0.07, reason="goal of this project", show=POINTS, method=METHOD,
-        numbers={f"{arm.rule}, {arm.controller}, {arm.price:g} s/m": arm.of("excess_damage") for arm in ARMS},
+        numbers={str(arm): arm.of("excess_damage") for arm in ARMS},
     ),
 )  # fmt: skip
 
