@@ -69,8 +69,8 @@ test-lowest: setup   ## the same with the lowest versions; before a release
 mutants: setup       ## put MUTANTS faults (drawn by SEED) into the code, one at a time: do tests notice them?
 	$(BIN)/python -m tests.mutants sample --number $(MUTANTS) --seed $(SEED)
 
-mutants-again: setup ## put ten of the stored faults into the code again
-	$(BIN)/python -m tests.mutants again --number 10
+mutants-again: setup ## put five of the stored faults into the code again
+	$(BIN)/python -m tests.mutants again --number 5
 
 results-hash: setup  ## compare hashes of all results with the stored ones, or of some: ONLY=runs
 	$(BIN)/python -m tests.results_hash --only $(ONLY)

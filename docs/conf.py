@@ -167,6 +167,21 @@ def link_sources(app: Sphinx, doctree: nodes.document, page: str) -> None:
         code.replace_self(nodes.reference("", "", code.deepcopy(), refuri=uri, internal=True))
 
 
+sidebars: dict[int, str] = {}
+"""The contents beside the text of a source, by how many folders it lies down: the same beside each, and long to make."""
+
+
+def same_sidebar(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+) -> None:
+    """Make the contents beside sources once."""
+    if page.startswith("source/"):
+        make, depth = context["toctree"], page.count("/")
+        context["toctree"] = lambda **options: (
+            sidebars.get(depth) or sidebars.setdefault(depth, make(**options))
+        )
+
+
 def source_pages(app: Sphinx) -> Iterator[tuple[str, dict[str, Any], str]]:
     """A page with the text of each file that is named."""
     for name in sorted(named_files):
@@ -192,6 +207,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("object-description-transform", shorten_types)
     app.connect("doctree-resolved", link_sources)
     app.connect("html-collect-pages", source_pages)
+    app.connect("html-page-context", same_sidebar, priority=100)  # before the theme asks for it
     written = visit_math, None
     app.add_html_math_renderer("mathml", inline_renderers=written, block_renderers=written)
     return {"parallel_read_safe": True, "parallel_write_safe": False}
