@@ -84,6 +84,7 @@ def _cell(text: str) -> str:
 SHORT_TYPES = {
     r"(typing\.)?_?Buffer \| _SupportsArray.*?complex \| bytes \| str\]": "ArrayLike",
     r"(numpy\.)?ndarray\[tuple\[.*?\], (numpy\.)?dtype\[(numpy\.)?\w+\]\]": "ndarray",
+    r"Names object at .*": "str",
 }
 """Types that are aliases in the code, and that Python shows as what they stand for."""
 
