@@ -65,7 +65,7 @@ class _RuleInPython:
         if m.lead.needed[0] == 0.0:  # as long as nothing is asked for, nothing is to be shared
             return True
         problem = AllocationProblem(
-            cap=np.where(np.isfinite(m.cap), m.cap, m.most),
+            cap=m.cap,
             expected=float(m.lead.needed[0]),
             mass=eq.mass,
             limit_max=m.most.copy(),

@@ -202,6 +202,8 @@ def _asked_on_limited(eq, st, m, time, tick, failed, blended):
         best = expected
         for j in range(m.cap.size):
             m.cap[j] = max(m.delivered[j], LEAST) if m.limited[j] else m.upper_bound[j]
+            if np.isinf(m.cap[j]):  # nothing is known of it: its motors alone bound it
+                m.cap[j] = m.most[j]
             if np.isfinite(m.demonstrated[j]):
                 best = max(best, m.demonstrated[j])
         for j in range(m.cap.size):
