@@ -482,7 +482,7 @@ def _compiled(rule: Rule, problem: AllocationProblem) -> float:
     asked = problem.changed(rate=None)
     answer, cap = usable(rule, asked), _told(rule, asked).cap
     *arrays, plan = units_of(asked)
-    units = Units(*map(np.array, arrays), plan)
+    units = Units._make((*map(np.array, arrays), plan))
     _, reached = rule.law(units, plan, units.previous)
     if CASES[1 + bool(reached)] != answer.case:
         raise Unusable(f"the law says reached = {reached}, the answer case {answer.case!r}")
