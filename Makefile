@@ -13,7 +13,7 @@ MUTANTS ?= 240
 SEED    ?= 11
 MINUTES ?= 30
 LEVELS  ?= x86-64-v3 x86-64-v4
-RUNS    ?= --controllers cut-and-ramp perturb-observe pi-creep mpc mpc-train
+RUNS    ?= --controllers none table cut-and-ramp pi-creep perturb-observe steepest-gradient fuzzy-creep fuzzy-tracking swarm-tracking swarm-slip cubature-seeking mpc mpc-train
 
 # small matrices everywhere: threads of BLAS would wait for each other
 export OPENBLAS_NUM_THREADS := 1

@@ -33,7 +33,7 @@ from numba.extending import register_jitable
 from alloc.sources import cache_folder, code_hash, keep, kept, path_of, private, shipped
 
 COMPILING = (
-    "readhesion: compiling the simulation, about half a minute; later runs load what is compiled"
+    "readhesion: compiling the simulation, 20 seconds to a minute; later runs load what is compiled"
 )
 
 
@@ -88,9 +88,9 @@ class _Target(NamedTuple):
 class _Kernels(Cache):
     """Numba's cache of one function: for each signature, what is kept under a hash of all that decides what it does."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], source: str | None = None) -> None:
         module, file = function.__module__, inspect.getfile(function)
-        source = module if path_of(module) == Path(file) else file
+        source = source or (module if path_of(module) == Path(file) else file)
         self._py_func = function  # Numba hashes its bytecode, and what it encloses
         self._cache_path = str(cache_folder())
         self._said = f"{module}.{function.__qualname__} {code_hash(source, later=False)}"
@@ -196,12 +196,14 @@ class _Part(CPUDispatcher):
         )
 
 
-def compiled(function: Any, signature: Any = None, **options: Any) -> Any:
+def compiled(
+    function: Any, signature: Any = None, source: str | None = None, **options: Any
+) -> Any:
     """`numba.njit` with our cache; with a `signature` it is compiled, or loaded, at once and for no other."""
     dispatcher = numba.njit(**options)(function)
     if isinstance(dispatcher, CPUDispatcher):  # else compiling is switched off
         dispatcher.__class__ = _Entry
-        cast(Any, dispatcher)._cache = _Kernels(function)
+        cast(Any, dispatcher)._cache = _Kernels(function, source)
         if signature is not None:
             dispatcher.compile(signature)
             dispatcher.disable_compile()
@@ -228,9 +230,9 @@ called: Any = register_jitable(**_OPTIONS, **_NO_WRAPPER)
 """Decorator of a law that is called, not inlined: one so long that the call costs little and inlining costs much."""
 
 
-def jit(function: Any) -> Any:
-    """Decorator of every compiled entry point."""
-    return compiled(function, **_COMPILED)
+def jit(function: Any, source: str | None = None) -> Any:
+    """Decorator of every compiled entry point; `source`: module that decides what it does, if not the function's own."""
+    return compiled(function, source=source, **_COMPILED)
 
 
 def inlined_jit(function: Any) -> Any:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from alloc.compilation import inlined_jit, jit
@@ -20,16 +21,10 @@ from alloc.onboard.brakes import (
     set_brake_targets,
     set_targets,
 )
-from alloc.onboard.controllers.collection import control
-from alloc.onboard.distribution import distribute, prepare_allocation
-from alloc.onboard.host import Answers, command_compiled
-from alloc.onboard.increment_learning import NO_LEARNING
-from alloc.onboard.sensing import sense
-from alloc.onboard.telegrams import hear_reports, write_reports
 from alloc.plant import engine as compiled
 from alloc.plant.engine import copy_row, find_limits, peak_field
 from alloc.plant.model import Floats, Inputs, Layout, Model
-from alloc.records import ByReference
+from alloc.records import ByReference, called_at
 from alloc.rules.problem import CASE_A, CASE_B
 from alloc.rules.rule import Caps, Units, law_at
 
@@ -52,7 +47,7 @@ def record_computers(plant, eq, st, m, commanded, k, record):
     m.train.reference_speed[0] = m.reference[body]
     _copy(m.unit_block, k, record.unit)
     _copy(m.train_block, k, record.train)
-    if st.learning.learner != NO_LEARNING:
+    if record.learning.shape[0] > 0:
         _copy(m.learning.block, k, record.learning)
     for g in range(plant.rows.groups):
         record.valve[k, g] = plant.inputs.valve[g]
@@ -114,7 +109,7 @@ def _least_adhesion(w, eq, time, truth, trailing):
             trailing[g] = min(trailing[g], USED * limit[i] * c.normal[i])
 
 
-@inlined_jit
+@jit
 def true_limits(plant, eq, time, period, sign, braking, truth, trailing):
     """Coefficient of each unit whose torque the rail just carries, now and as far ahead as its torque cannot be changed.
 
@@ -168,13 +163,33 @@ class Plant(NamedTuple):
     workspace: ByReference  # a `Workspace`
 
 
+class Parts(NamedTuple):
+    """Addresses of the parts of a control period that are compiled by themselves; 0 where a run does not need one.
+
+    The loop does not import them, so an edit of one compiles that one alone. All of them in one function, optimised
+    together, took LLVM and Numba twice as long to compile, and were no faster.
+    """
+
+    sense: int
+    lead: int
+    distribute: int
+    control: int  # of the built-in controller, or of the reserve
+    advance: int
+    true_limits: int = 0
+    command_compiled: int = 0
+
+
+_call, _asks, _goes = map(called_at, (types.void, types.boolean, types.float64))
+
+
 class Computers(NamedTuple):
     """The train's computers in a run."""
 
     equipment: ByReference  # an `Equipment`
     settings: ByReference  # `Settings`
     memory: ByReference  # a `Memory`
-    answers: Answers
+    answers: ByReference  # `Answers`
+    parts: Parts
 
 
 class Timing(NamedTuple):
@@ -232,19 +247,22 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             first = 2 * rows.bodies
             torque = first + rows.axles
             pressure = torque + units
-            sense(
-                eq, st, m, time, a,
+            _call(
+                computers.parts.sense, eq, st, m, time, a,
                 plant.state[first : first + rows.axles], plant.state[torque:pressure],
                 plant.state[pressure : pressure + rows.groups],
                 given.noise[tick if st.sensors.noisy else 0],
             )  # fmt: skip
             row = (tick // st.telegrams.ticks) % given.delay_draw.shape[0]
-            write_reports(eq, st, m, time, a)
-            hear_reports(eq, st, m, time, tick, given.up_delay_draw[row], given.up_loss_draw[row])
-            needed = prepare_allocation(eq, st, m, time, tick, a, failed)
+            needed = _asks(
+                computers.parts.lead, eq, st, m, time, tick, a, failed,
+                given.up_delay_draw[row], given.up_loss_draw[row],
+            )  # fmt: skip
             if needed and st.rule.caps == Caps.TRUE:
                 sign = 1.0 if a >= 0.0 else -1.0
-                true_limits(plant, eq, time, timing.period, sign, braking, m.truth, m.air_most)
+                _call(
+                    computers.parts.true_limits, plant, eq, time, timing.period, sign, braking, m.truth, m.air_most
+                )  # fmt: skip
             progress.phase[0] = DISTRIBUTE
             if needed:
                 m.counter.rule_calls[0] += 1
@@ -265,19 +283,23 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 m.train.level[0], m.train.case[0] = level, CASE_B if reached else CASE_A
         if progress.phase[0] == DISTRIBUTE:
             row = (tick // st.telegrams.ticks) % given.delay_draw.shape[0]
-            distribute(eq, st, m, time, tick, given.delay_draw[row], given.loss_draw[row])
+            _call(
+                computers.parts.distribute, eq, st, m, time, tick, given.delay_draw[row], given.loss_draw[row]
+            )  # fmt: skip
             if braking:
                 set_brake_targets(eq, st, m)
             else:
                 set_targets(eq, st, m, a)
             if st.rule.caps != Caps.TRUE:
                 restrain_blind_units(st, m)
-            control(eq, st, m, a)
+            _call(computers.parts.control, eq, st, m, a)
             progress.phase[0] = ADVANCE
             first = 2 * rows.bodies + rows.axles
             if computers.answers.step.size > 0:
                 torque = plant.state[first : first + units]
-                command_compiled(eq, m, computers.answers, torque, time, tick)
+                _call(
+                    computers.parts.command_compiled, eq, m, computers.answers, torque, time, tick
+                )
             elif st.hosted:
                 return CONTROL
         for j in range(units):
@@ -292,9 +314,10 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
         if recorded:
             record_plant(plant, time, k, record.plant)
             record_computers(plant, eq, st, m, a, k, record)
-        compiled.inlined_advance(
-            plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs
-        )
+        _goes(
+            computers.parts.advance,
+            plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs,
+        )  # fmt: skip
         if recorded:
             record_noted(plant.workspace.noted, k, record.plant.noted)
         progress.tick[0] += 1

@@ -262,6 +262,29 @@ def address_of(function: Any, kind: types.FunctionType) -> int:
     return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
 
 
+def called_at(returns: types.Type) -> Any:
+    """Compiled function that takes an address (int64) and arguments, and calls the function stored there.
+
+    That must take the very types of these arguments, and return `returns`. For one whose types are known at import,
+    `stored_at`.
+    """
+
+    def at(typingctx, address, *given):
+        def generate(context, builder, signature, args):
+            convention = context.call_conv
+            kind = convention.get_function_type(returns, given)
+            function = builder.inttoptr(args[0], kind.as_pointer())
+            values = cgutils.unpack_tuple(builder, args[1])
+            status, value = convention.call_function(builder, function, returns, given, values)
+            with cgutils.if_unlikely(builder, status.is_error):
+                convention.return_status_propagate(builder, status)
+            return value
+
+        return returns(address, types.StarArgTuple(given)), generate
+
+    return intrinsic(at)
+
+
 def stored_at(kind: types.FunctionType | RecordType) -> Any:
     """Compiled function that takes an address (int64) and returns the function or the record of `kind` stored there."""
 

@@ -5,21 +5,35 @@ import math
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 import xarray as xr
+from numba import boolean, float64, int64, types, void
 
 from alloc.balance import check_run
 from alloc.errors import OnboardError, check_compiling
 from alloc.event import DriverCommand, Event, SimulationError, canonical
-from alloc.loop import ALLOCATION, CONTROL, ClosedLoop, Computers, Given, Part, run_with_computers
+from alloc.loop import (
+    ALLOCATION,
+    CONTROL,
+    ClosedLoop,
+    Computers,
+    Given,
+    Part,
+    Parts,
+    run_with_computers,
+    true_limits,
+)
 from alloc.onboard.controllers.base import share_of_target, torque_per_coefficient
+from alloc.onboard.controllers.collection import BUILT_IN, RESERVE, control
+from alloc.onboard.distribution import distribute, lead
 from alloc.onboard.equipment import Equipment, equipment
 from alloc.onboard.host import (
     CONTROLLERS,
     NOT_A_TORQUE,
+    Answers,
     CompiledControllers,
     HostedController,
     TellingController,
@@ -27,12 +41,15 @@ from alloc.onboard.host import (
     TrainController,
     UnitSense,
     answers,
+    command_compiled,
     failures,
     unit_contexts,
 )
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.state import RESERVE, Memory, RuleSettings, attachments, memory, settings
+from alloc.onboard.sensing import sense
+from alloc.onboard.state import Memory, RuleSettings, attachments, memory, settings
 from alloc.onboard.telegrams import NOTHING_ADDED
+from alloc.plant.engine import advance
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
 from alloc.records import ByReference, LaidOut, address_of, filled
@@ -65,7 +82,7 @@ class _RuleInPython:
         if m.lead.needed[0] == 0.0:  # as long as nothing is asked for, nothing is to be shared
             return True
         problem = AllocationProblem(
-            cap=np.where(np.isfinite(m.cap), m.cap, m.most),
+            cap=m.cap,
             expected=float(m.lead.needed[0]),
             mass=eq.mass,
             limit_max=m.most.copy(),
@@ -222,16 +239,25 @@ class Simulation:
         by_law = chosen.law is not None and onboard.limit_rate is None
         address = address_of(chosen.law, LAW) if by_law else 0
         of_rule = filled(RuleSettings, chosen, law=address)
-        computers = Computers(
-            laid_out,
-            ByReference(settings(onboard, of_rule, law, reserve)),
-            event.made.once((belief, added), empty).fresh(),
-            answers(host if isinstance(host, tuple) else (), eq, ticks),
-        )
+        st = ByReference(settings(onboard, of_rule, law))
+        m = event.made.once((belief, added), empty).fresh()
+        counted = ByReference(answers(host if isinstance(host, tuple) else (), eq, ticks))
         loop = ClosedLoop(
             model, ticks, onboard.period, event.longest_step, event.record_period,
             event.initial_speed, event.initial_position,
         )  # fmt: skip
+        plant = ByReference(loop.plant)
+        kinds = _kinds_of_parts(laid_out.kind, st.kind, m.kind, counted.kind, plant.kind)
+        functions = {
+            "sense": sense, "lead": lead, "distribute": distribute, "advance": advance,
+            "control": control(law if law in BUILT_IN else reserve),
+        }  # fmt: skip
+        if chosen.needs_truth:
+            functions["true_limits"] = true_limits
+        if counted.step.size > 0:
+            functions["command_compiled"] = command_compiled
+        parts = Parts(**{name: address_of(one, kinds[name]) for name, one in functions.items()})
+        computers = Computers(laid_out, st, m, counted, parts)
         self._learnt = None if onboard.learning.kind == "none" else computers.memory.learnt
         self._record = Record.allocate(loop.records, model.layout, self._learnt is not None)
         self.event, self.loop, self.computers, self.given = event, loop, computers, given
@@ -247,9 +273,9 @@ class Simulation:
             self.parts[CONTROL] = ControllerInPython(
                 host, computers, onboard.period, torque, self.tally
             )
-        before, after = (loop.plant, computers, loop.timing), (loop.progress, self._record)
+        before, after = (computers, loop.timing), (loop.progress, self._record)
         self.go: Callable[[int], int] = partial(
-            run_with_computers, *map(ByReference, before), given, *map(ByReference, after)
+            run_with_computers, plant, *map(ByReference, before), given, *map(ByReference, after)
         )
 
     def recorded(self) -> xr.Dataset:
@@ -258,7 +284,7 @@ class Simulation:
         if isinstance(host, tuple):
             done = int(self.loop.progress.tick[0])
             tally.controller_times = self.computers.answers.solve_time[:done].ravel().tolist()
-            for status, number in failures(host, self.computers.answers).items():
+            for status, number in failures(host, cast(Answers, self.computers.answers)).items():
                 tally.controller_failures += number
                 tally.note(f"controller: {status}", number)
         record = self._record.until(self.loop.records)
@@ -267,6 +293,24 @@ class Simulation:
         )
         check_run(self.event.model, record.plant, run)
         return run
+
+
+@lru_cache(maxsize=64)
+def _kinds_of_parts(
+    eq: Any, st: Any, m: Any, answered: Any, plant: Any
+) -> dict[str, types.FunctionType]:
+    """Type of each of `Parts`, for records of these kinds."""
+    numbers, of = float64[::1], {name: one.type for name, one in plant.fields.items()}
+    kinds = {
+        "sense": void(eq, st, m, float64, float64, numbers, numbers, numbers, numbers),
+        "lead": boolean(eq, st, m, float64, int64, float64, boolean, numbers, numbers),
+        "distribute": void(eq, st, m, float64, int64, numbers, numbers),
+        "control": void(eq, st, m, float64),
+        "advance": float64(of["workspace"], float64, float64, int64, numbers, of["inputs"]),
+        "true_limits": void(plant, eq, float64, float64, float64, boolean, numbers, numbers),
+        "command_compiled": void(eq, m, answered, numbers, float64, int64),
+    }
+    return {name: types.FunctionType(kind) for name, kind in kinds.items()}
 
 
 def _check_kinds(event: Any, rule: Any, controller: Any) -> None:

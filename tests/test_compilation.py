@@ -26,7 +26,8 @@ import alloc.loop
 import mpc
 import studies.readhesion_paper.lanes
 from alloc import compilation, sources
-from alloc.onboard.controllers.base import BuiltInController
+from alloc.onboard import distribution, host, sensing
+from alloc.onboard.controllers.collection import BUILT_IN, control
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.state import RuleSettings, settings
 from alloc.plant import engine as compiled
@@ -36,7 +37,15 @@ from tests.test_sources import forget
 ROOT = Path(__file__).parents[1]
 MPC = [importlib.import_module(f"mpc.{m.name}") for m in pkgutil.iter_modules(mpc.__path__)]
 SWEPT = [m for m in MPC if any(isinstance(part, Dispatcher) for part in vars(m).values())]
-KERNELS = [alloc.loop, compiled, studies.readhesion_paper.lanes, *SWEPT]
+KERNELS = [
+    alloc.loop,
+    sensing,
+    distribution,
+    host,
+    compiled,
+    studies.readhesion_paper.lanes,
+    *SWEPT,
+]
 
 
 def called(function, seen):
@@ -81,9 +90,19 @@ def test_the_mpc_calls_no_part_that_is_compiled_with_its_caller():
     assert not loose
 
 
-def test_the_law_of_every_controller_lies_in_a_file_that_counts():
-    laws = {controller.law for controller in BuiltInController.__subclasses__()}
-    assert {law.__module__ for law in laws} <= closure("alloc.loop", later=False)
+def test_an_edit_of_a_part_of_a_period_leaves_the_loop_as_it_is():
+    """And one of a controller those that do not use it."""
+    of_loop = closure("alloc.loop", later=False)
+    parts = {f"alloc.onboard.{one}" for one in ("sensing", "distribution", "telegrams", "host")}
+    controllers = {kind.__module__ for kind in BUILT_IN.values()}
+    assert not (parts | controllers) & of_loop
+    for name, kind in BUILT_IN.items():
+        seen: dict[int, object] = {}
+        called(control(name), seen)
+        own = {Path(function.__code__.co_filename) for function in seen.values()}
+        counts = closure(kind.__module__, later=False)
+        assert {file for file in own if ROOT in file.parents} <= set(map(path_of, counts))
+        assert controllers & counts <= {kind.__module__, "alloc.onboard.controllers.creep"}
 
 
 PACKAGE = {

@@ -1,8 +1,11 @@
 """A wheel holds every module, and every file that the program reads, by what `pyproject.toml` says."""
 
+import re
 import tomllib
 from fnmatch import fnmatch
 from pathlib import Path
+
+from alloc.onboard.controllers.collection import BUILT_IN
 
 ROOT = Path(__file__).parents[1]
 SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
@@ -39,6 +42,12 @@ def test_every_other_file_is_package_data_and_nothing_else_is():
     assert not [name for name in read if not any(fnmatch(name, pattern) for pattern in DATA)]
     unused = {one for one in DATA if not any(fnmatch(name, one) for name in read)}
     assert unused == {MADE_FOR_WHEELS}
+
+
+def test_the_runs_that_are_compiled_for_a_wheel_have_every_built_in_controller():
+    """Each is compiled by itself."""
+    (runs,) = re.findall(r"^RUNS .*--controllers (.*)$", (ROOT / "Makefile").read_text(), re.M)
+    assert set(BUILT_IN) | {"mpc", "mpc-train"} == set(runs.split())
 
 
 def test_no_module_that_ships_imports_the_tests():

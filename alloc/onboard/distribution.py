@@ -2,10 +2,18 @@
 
 import numpy as np
 
-from alloc.compilation import inlined_jit
+from alloc.compilation import inlined_jit, jit
 from alloc.onboard.increment_learning import NO_LEARNING, learn_increments
 from alloc.onboard.laws import believed_shoe_force
-from alloc.onboard.telegrams import caps_by_own_slips, caps_by_slips, count_slips, deliver, exchange
+from alloc.onboard.telegrams import (
+    caps_by_own_slips,
+    caps_by_slips,
+    count_slips,
+    deliver,
+    exchange,
+    hear_reports,
+    write_reports,
+)
 from alloc.rules.rule import Caps, Trigger
 
 HELD = 1.0
@@ -202,6 +210,8 @@ def _asked_on_limited(eq, st, m, time, tick, failed, blended):
         best = expected
         for j in range(m.cap.size):
             m.cap[j] = max(m.delivered[j], LEAST) if m.limited[j] else m.upper_bound[j]
+            if np.isinf(m.cap[j]):  # nothing is known of it: its motors alone bound it
+                m.cap[j] = m.most[j]
             if np.isfinite(m.demonstrated[j]):
                 best = max(best, m.demonstrated[j])
         for j in range(m.cap.size):
@@ -241,7 +251,18 @@ def prepare_allocation(eq, st, m, time, tick, commanded, failed):
     return _asked_on_limited(eq, st, m, time, tick, failed or changed, blended)
 
 
-@inlined_jit
+@jit
+def lead(eq, st, m, time, tick, commanded, failed, delay, lost):
+    """Send the units' reports to the leader, which prepares what the rule needs; returns whether it must be asked now.
+
+    `delay`, `lost` (units,): draws of the reports' jitter and loss; others as of `prepare_allocation`.
+    """
+    write_reports(eq, st, m, time, commanded)
+    hear_reports(eq, st, m, time, tick, delay, lost)
+    return prepare_allocation(eq, st, m, time, tick, commanded, failed)
+
+
+@jit
 def distribute(eq, st, m, time, tick, delay, lost):
     """Send limits with the periodic telegrams; each unit takes what has arrived, or falls back to the plan.
 

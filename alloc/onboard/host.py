@@ -14,7 +14,7 @@ from numba import float64, int64, types, void
 from numba.np.numpy_support import from_dtype
 from numpy.typing import NDArray
 
-from alloc.compilation import equation
+from alloc.compilation import jit
 from alloc.display import displayed
 from alloc.errors import OnboardError
 from alloc.onboard.controllers.base import BuiltInController, share_of_target
@@ -316,7 +316,7 @@ def failures(controllers: CompiledControllers, counted: Answers) -> dict[str, in
     return found
 
 
-@equation
+@jit
 def command_compiled(eq, m, c, torque, time, tick):
     """Torque commands by the compiled controllers `c`; the reserve's stand where one gives none.
 

@@ -5,7 +5,7 @@ In: the plant's true speeds with the noise, quantisation and losses of the senso
 
 import numpy as np
 
-from alloc.compilation import inlined_jit
+from alloc.compilation import inlined_jit, jit
 from alloc.onboard.laws import (
     believed_shoe_force,
     differentiate,
@@ -239,7 +239,7 @@ def _limits(eq, m, j, sign, blended):
         m.limit_max[j] = at_rail if m.in_service[j] else 0.0
 
 
-@inlined_jit
+@jit
 def sense(eq, st, m, time, commanded, omega, torque, pressure, noise):
     """Read the sensors: speeds, accelerations, slip signals, coefficient estimates; note the foremost unit's detection.
 

@@ -18,7 +18,6 @@ from alloc.onboard.brakes import (
 )
 from alloc.onboard.controllers.collection import (
     BUILT_IN,
-    RESERVE,
     LawMemory,
     LawSettings,
     law_memory,
@@ -84,8 +83,7 @@ class Settings(NamedTuple):
     hold_time: float
     rise_time: float
     rule: RuleSettings
-    hosted: bool  # whether the controller runs in Python; that of index `controller` is its reserve
-    controller: int
+    hosted: bool  # whether the controller is no built-in one; its reserve is
     law: LawSettings
     detector: Any  # with the `gain` of its differentiator
     observer: Any  # with the weights `keep`, `old`, `new` of `observer_gains`
@@ -117,12 +115,9 @@ def reference_settings(onboard: Onboard) -> Any:
     )
 
 
-def settings(
-    onboard: Onboard, rule: RuleSettings, controller: str, reserve: str = RESERVE
-) -> Settings:
-    """Settings of a run; `controller` names a built-in one, any other name stands for a hosted one with a `reserve`."""
+def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
+    """Settings of a run; `controller` names a built-in one, any other name stands for a hosted one."""
     period, sensors, braking = onboard.period, onboard.sensors, onboard.braking
-    hosted = controller not in BUILT_IN
     trigger = Trigger(rule.trigger)
     if onboard.trigger == "slip" and rule.caps == Caps.FRONT:
         trigger = AT_SLIP.get(trigger, trigger)
@@ -133,8 +128,7 @@ def settings(
         Settings,
         onboard,
         rule=rule._replace(trigger=int(trigger), caps=int(rule.caps)),
-        hosted=hosted,
-        controller=list(BUILT_IN).index(reserve if hosted else controller),
+        hosted=controller not in BUILT_IN,
         law=law_settings(onboard, onboard.period),
         detector=numbers_of(
             onboard.detector, gain=differentiator_gain(onboard.detector.pole, period)

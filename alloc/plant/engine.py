@@ -474,7 +474,7 @@ def _follow(c, weight, reach, rows):
 
 @inlined_jit
 def inlined_advance(w, time, step, steps, state, inputs):
-    """As `advance`, compiled into the loop that calls it: the classical fourth-order Runge-Kutta method."""
+    """As `advance`, compiled into what calls it: the classical fourth-order Runge-Kutta method."""
     c = w.scratch
     pack(w, state, c.state)
     for j in range(w.size.units):

@@ -90,7 +90,6 @@ class Units(NamedTuple):
     """What a compiled law reads of the units, float64 (n,) each and unchecked, as in `AllocationProblem`."""
 
     cap: Floats
-    """Inf where nothing is known of a unit: on board its motors alone bound it. A problem in Python has no such cap."""
     mass: Floats
     limit_max: Floats
     previous: Floats

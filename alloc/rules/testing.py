@@ -25,7 +25,7 @@ from alloc.errors import InputError
 from alloc.rules.exact import EXACT, optimality
 from alloc.rules.patent import GREEDY
 from alloc.rules.problem import CASES, Allocation, AllocationProblem, Floats, fault_of
-from alloc.rules.rule import PROMISES, Rule
+from alloc.rules.rule import PROMISES, Rule, Units, units_of
 
 # Laws and their verdicts, for parts of any kind.
 
@@ -477,6 +477,19 @@ def _optimal(rule: Rule, problem: AllocationProblem) -> float:
     return max(found.worst, found.gap) / scale
 
 
+def _compiled(rule: Rule, problem: AllocationProblem) -> float:
+    """The law called as in a run: without rates, and what it fills are the limits in force that it reads."""
+    asked = problem.changed(rate=None)
+    answer, cap = usable(rule, asked), _told(rule, asked).cap
+    *arrays, plan = units_of(asked)
+    units = Units._make((*map(np.array, arrays), plan))
+    _, reached = rule.law(units, plan, units.previous)
+    if CASES[1 + bool(reached)] != answer.case:
+        raise Unusable(f"the law says reached = {reached}, the answer case {answer.case!r}")
+    # a law may keep units at the plan, or let them search, beyond their caps
+    return _apart(asked, np.minimum(units.previous, cap), np.minimum(answer.limit, cap))
+
+
 def _status(rule: Rule, problem: AllocationProblem) -> float:
     status = usable(rule, problem).status
     if status != "ok":
@@ -512,6 +525,7 @@ RULE_LAWS = (
     Law("inputs untouched", "the problem is as before", _untouched, problems),
     Law("repeatable", "one problem has one answer, whatever is asked between", _repeated, problems, tolerance=0.0),
     Law("threads", f"{THREADS} threads get the answers that one gets", _in_threads, problems),
+    Law("compiled law", "it asks of every unit, up to its cap, what the answer asks", _compiled, problems, _EVERY),
     Law("scale of masses", "only ratios of masses count", _scaled_masses, problems, _EVERY),
     Law("known answers", "those by hand", _known, None, _PLAIN_ANSWERS, _REFERENCE),
     Law("reference", "in the box, no less than it allows, no more than `greedy`", _as_near, _growing, (_A, _B), _REFERENCE),
@@ -528,7 +542,8 @@ RULE_LAWS = (
 def laws_of_rule(rule: Rule) -> list[Law]:
     """The laws that `rule` promises to keep."""
     place = PROMISES.index(rule.promise)
-    return [law for law in RULE_LAWS if PROMISES.index(law.promise) >= place]
+    laws = [law for law in RULE_LAWS if PROMISES.index(law.promise) >= place]
+    return [law for law in laws if law.amount is not _compiled or rule.law is not None]
 
 
 def check_rule(

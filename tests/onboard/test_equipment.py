@@ -8,7 +8,6 @@ import pytest
 
 from alloc.errors import OnboardError
 from alloc.onboard import sensing
-from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import each_unit, unit_contexts
 from alloc.onboard.parameters import (
@@ -213,7 +212,6 @@ def test_settings_are_the_parameters_in_the_loops_own_terms():
     assert (st.period, st.hold_time, st.rise_time) == (0.02, onboard.hold_time, onboard.rise_time)
     assert st.rule == RuleSettings(1, Trigger.STEPWISE)
     assert not st.hosted
-    assert list(BUILT_IN)[st.controller] == "cut-and-ramp"
     assert st.telegrams.ticks == 6
     assert (st.sensors.noisy, st.sensors.speed_quantum, st.sensors.pole) == (True, 0.03, 0.0)
     assert (st.sensors.dropout.axle.tolist(), st.sensors.dropout.begin.tolist()) == (
@@ -234,7 +232,6 @@ def test_settings_are_the_parameters_in_the_loops_own_terms():
     st = settings(other, RuleSettings(1, Trigger.STEPWISE), "mpc")
     assert st.rule == RuleSettings(1, Trigger.SLIPPING)
     assert st.hosted
-    assert list(BUILT_IN)[st.controller] == "cut-and-ramp"  # its reserve
     assert (st.sensors.noisy, st.sensors.pole, st.telegrams.ticks) == (False, 4.0, 1)
     assert st.reference.given
     assert st.reference.noise == 0.005

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from alloc.compilation import jit
 from alloc.errors import OnboardError
 from alloc.estimation.increments import learnt_in
 from alloc.metrics import evaluate
@@ -17,7 +18,7 @@ from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail, logarithmic_increments
 from alloc.plant.sets import find_set
 from alloc.recording import VARIABLES
-from alloc.rules import RULES
+from alloc.rules import RULES, Caps, Rule, Trigger
 from alloc.simulation import DriverCommand, Event, simulate
 from studies.scenario.scenario import default_scenarios, load_scenario, shipped_scenario
 from tests.cases import looped
@@ -44,6 +45,28 @@ def found():
         return made[key]
 
     return find
+
+
+@jit
+def shares_of_all_caps(units, expected, limit_out):
+    """Each unit asked for its cap, a little less where the caps together are more than twice the plan: it sums them up."""
+    total = 0.0
+    for cap in units.cap:
+        total += cap
+    for j in range(limit_out.size):
+        limit_out[j] = min(
+            units.cap[j] * min(1.0, 2.0 * expected * units.cap.size / total), units.limit_max[j]
+        )
+    return np.nan, total > expected * units.cap.size
+
+
+def test_a_rule_gets_the_same_caps_compiled_as_in_python():
+    """Also those of units of which nothing is known: their motors alone bound them."""
+    lawful = Rule("mine", "", law=shares_of_all_caps, caps=Caps.DELIVERED, trigger=Trigger.TELEGRAM)
+    hosted = replace(lawful, answer=lawful._by_law, law=None)
+    one, other = (simulate(load_scenario("wet-patch").event(0), rule) for rule in (lawful, hosted))
+    for name in ("limit", "level", "speed", "motor_torque"):
+        np.testing.assert_array_equal(one[name], other[name])
 
 
 @looped("name", DRIVING)

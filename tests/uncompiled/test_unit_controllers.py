@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from alloc.onboard.controllers.collection import BUILT_IN, control
+from alloc.onboard.controllers.collection import BUILT_IN, RESERVE, control
 from alloc.onboard.controllers.creep import move_reference
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard
@@ -402,7 +402,7 @@ def test_commands_equal_the_second_transcription(name, sign):
         m.air_force[:] = rng.uniform(0.0, 900.0, n) * (sign < 0.0)
         m.unit.torque_target[:] = sign * target
         before = sign * m.unit.torque_command.copy()
-        control(EQ, st, m, commanded)
+        control(name)(EQ, st, m, commanded)
         for j, twin in enumerate(twins):
             command, share = twin.decide({
                 "sign": sign, "commanded": commanded, "target": target[j], "slip": slip[j], "speed": m.speed[j],
@@ -425,7 +425,7 @@ def test_a_hosted_controllers_share_is_not_its_reserves():
     m = memory(EQ, 10.0, 0.08)
     m.unit.torque_factor[:] = 0.3
     m.unit.torque_target[:] = 400.0
-    control(EQ, st, m, 0.5)
+    control(RESERVE)(EQ, st, m, 0.5)
     assert m.unit.torque_command.tolist() == [400.0] * 4
     assert m.unit.torque_factor.tolist() == [0.3] * 4
 

@@ -29,7 +29,7 @@ def obedient():
         course = []
         for _ in range(round(time / onboard.period)):
             m.unit.coefficient_estimate[0] = coefficient(m.worst_slip[0])
-            control(eq, st, m, 0.8)
+            control(name)(eq, st, m, 0.8)
             # limited by the rail, as long as it is searched for
             m.unit.torque_factor[0] = 0.7
             m.worst_slip[0] = st.law.creep.reference if search is None else search.reference[0]

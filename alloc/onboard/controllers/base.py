@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from alloc.compilation import equation
+from alloc.compilation import equation, jit
 from alloc.display import displayed
 from alloc.records import numbers_of
 
@@ -56,6 +56,23 @@ class BuiltInController:
         """
         arrays = [np.full((units, *np.shape(value)), value) for value in cls._remembered.values()]
         return cls.Memory(*arrays) if arrays else None
+
+
+def of_units(kind: type[BuiltInController], place: int) -> Any:
+    """Compiled law of all units of a train under a controller of `kind`; its settings and memory are those at `place`."""
+    law = kind.law
+
+    def control(eq, st, m, commanded):
+        """Torque commands of all units, and the share of its target that each is.
+
+        Under a hosted controller these are its reserve; the share is then that of the host, which is not known yet.
+        """
+        for j in range(eq.axles.size):
+            share = law(eq, st, m, st.law[place], m.law[place], j, commanded)
+            if not st.hosted:
+                m.unit.torque_factor[j] = share
+
+    return jit(control, kind.__module__)
 
 
 @equation

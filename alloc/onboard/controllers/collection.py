@@ -1,14 +1,14 @@
-"""The built-in readhesion controllers, and the compiled call of the one that a run has.
+"""The built-in readhesion controllers, and the compiled law of each for all units of a train.
 
 In: the units' torque targets. Out: their torque commands. To add one, import it here and give it a field.
 """
 
 from collections import namedtuple
 from dataclasses import dataclass, field, fields
+from functools import cache
 from typing import Any
 
-from alloc.compilation import equation, inlined_jit
-from alloc.onboard.controllers.base import BuiltInController
+from alloc.onboard.controllers.base import BuiltInController, of_units
 from alloc.onboard.controllers.creep import CreepControl, FuzzyCreep
 from alloc.onboard.controllers.cubature import CubatureSeeking
 from alloc.onboard.controllers.particle_swarm import SwarmSlip, SwarmTracking
@@ -47,7 +47,7 @@ class BuiltInControllers:
 _FIELDS: dict[str, Any] = {item.name: item.type for item in fields(BuiltInControllers)}
 
 BUILT_IN: dict[str, type[BuiltInController]] = {kind.name: kind for kind in _FIELDS.values()}
-"""Built-in controllers by name, from the simplest on; in compiled code a controller is its place here."""
+"""Built-in controllers by name, from the simplest on; the settings and memory of a controller have its place."""
 
 RESERVE = "cut-and-ramp"
 """Built-in controller that takes over where a hosted one gives up."""
@@ -69,50 +69,7 @@ def law_memory(units: int) -> LawMemory:
     return LawMemory(*(kind.memory(units) for kind in _FIELDS.values()))
 
 
-# From the units' torque targets to their torque commands, by the readhesion controller of the run.
-
-
-def _case(index: int, law: Any) -> Any:
-    """Law of a unit under the controller of this index."""
-
-    @equation
-    def follow(eq, st, m, j, commanded):
-        return law(eq, st, m, st.law[index], m.law[index], j, commanded)
-
-    return follow
-
-
-def _either(first: Any, below: int, second: Any) -> Any:
-    """`first` for controllers of an index below this, else `second`."""
-
-    @equation
-    def choose(eq, st, m, j, commanded):
-        if st.controller < below:
-            return first(eq, st, m, j, commanded)
-        else:
-            return second(eq, st, m, j, commanded)
-
-    return choose
-
-
-def _tree(cases: list[Any], start: int) -> Any:
-    """Choice among `cases`, the first of index `start`; halved, for the compiler goes through all at every level."""
-    if len(cases) == 1:
-        return cases[0]
-    half = len(cases) // 2
-    return _either(_tree(cases[:half], start), start + half, _tree(cases[half:], start + half))
-
-
-_command: Any = _tree([_case(k, one.law) for k, one in enumerate(BUILT_IN.values())], 0)
-
-
-@inlined_jit
-def control(eq, st, m, commanded):
-    """Torque commands of all units, and the share of its target that each is.
-
-    Under a hosted controller these are its reserve; the share is then that of the host, which is not known yet.
-    """
-    for j in range(eq.axles.size):
-        share = _command(eq, st, m, j, commanded)
-        if not st.hosted:
-            m.unit.torque_factor[j] = share
+@cache
+def control(name: str) -> Any:
+    """Compiled law of the built-in controller `name` for all units of a train: from their torque targets to commands."""
+    return of_units(BUILT_IN[name], list(BUILT_IN).index(name))
