@@ -129,6 +129,9 @@ class AllocationProblem:
     upper_bound: ArrayLike | None = None
     """What `wear` and its forms ask, beside the plan, of each unit at its cap or where the plan is out of reach; inf for its
     cap. None: the caps."""
+    plan: float | None = None
+    """Coefficient that the driver asks of every unit, > 0: less than `expected` where that makes up for trailers too; read by
+    `wear` and its forms. None: `expected`."""
     n: int = field(init=False)
     """Number of units."""
 
@@ -137,7 +140,8 @@ class AllocationProblem:
         put = object.__setattr__
         put(self, "n", cap.size)
         put(self, "cap", cap)
-        AllocationError.check("allocation", self, positive=("expected",))
+        put(self, "plan", self.expected if self.plan is None else self.plan)
+        AllocationError.check("allocation", self, positive=("expected", "plan"))
         put(self, "expected", float(self.expected))
         if self.expected > MOST_EXPECTED:
             raise AllocationError(
