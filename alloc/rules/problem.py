@@ -130,8 +130,8 @@ class AllocationProblem:
     """What `wear` and its forms ask, beside the plan, of each unit at its cap or where the plan is out of reach; inf for its
     cap. None: the caps."""
     plan: float | None = None
-    """Coefficient that the driver asks of every unit, > 0: less than `expected` where that makes up for trailers too; read by
-    `wear` and its forms. None: `expected`."""
+    """Coefficient that the driver asks of every unit, > 0, where `expected` makes up for trailers too; read by `wear` and
+    its forms. None: `expected`."""
     n: int = field(init=False)
     """Number of units."""
 

@@ -20,9 +20,8 @@ the program is that of `alloc.rules.qp`, so its solvers and its certificate serv
 
 A unit at its upper bound, or any where the plan is out of reach, has nothing to share. It is asked for `upper_bound` and for
 the plan at least, that is for so much that its controller searches for the peak undisturbed (`alloc.onboard.distribution`).
-So no unit that the rail limits is kept below what it may carry by a mark of a rail that is gone. The plan is the unit's own
-part: what trailers lack is asked of those that can give it, for a unit that the rail limits would fill the rest with air, which
-its controller cannot take back, and slide.
+So no unit that the rail limits is kept below what it may carry by a mark of a rail that is gone. What trailers lack is asked
+only of those that can give it. A unit that the rail limits would fill its part of that with air, and slide.
 """
 
 import time

@@ -116,7 +116,7 @@ def test_out_of_reach_every_unit_is_asked_for_what_it_may_search_up_to():
 
 
 def test_what_trailers_lack_is_asked_of_no_unit_that_does_what_it_can():
-    """In stops the train needs 0.16 of units whose own plan is 0.12: air would fill what a limited one is asked beyond that."""
+    """In stops the train needs 0.16 of units whose own plan is 0.12: air would fill what a limited one is asked for."""
     mark, upper_bound = [0.09, 0.10, 0.25], [0.1, 0.13, 0.3]
     for cap, within in (([0.08, 0.10, 0.25], False), ([0.08, 0.10, 0.40], True)):
         found, reached = law(cap, mark, upper_bound, plan=0.12)
