@@ -197,7 +197,7 @@ def test_in_a_stop_whoever_may_share_more_dissipates_less():
     chosen, unit = sampled(run), np.arange(8)
     axles = np.flatnonzero(run["axle_group"].values >= 0)[:8]
     weight = run["axle_static_load"].values[axles]
-    for share in (0.015, 0.02):
+    for share in (0.02, 0.023):
         effort = np.full(chosen.size, share * weight.sum())
         most = np.broadcast_to(1.05 * share * weight, (chosen.size, 8))
         free = least_split(
@@ -207,5 +207,4 @@ def test_in_a_stop_whoever_may_share_more_dissipates_less():
         for _, split in (free, bound):
             np.testing.assert_allclose(split.sum(axis=1), effort, rtol=1e-6)
         assert np.all(bound[1] <= most * (1.0 + 1e-9))
-        assert np.all(free[0] <= bound[0] * (1.0 + 1e-3))
-        assert bound[0].sum() > 1.001 * free[0].sum()
+        assert bound[0].sum() > 1.01 * free[0].sum()
