@@ -140,8 +140,8 @@ class AllocationProblem:
         put = object.__setattr__
         put(self, "n", cap.size)
         put(self, "cap", cap)
-        put(self, "plan", self.expected if self.plan is None else self.plan)
-        AllocationError.check("allocation", self, positive=("expected", "plan"))
+        given = ("expected",) if self.plan is None else ("expected", "plan")
+        AllocationError.check("allocation", self, positive=given)
         put(self, "expected", float(self.expected))
         if self.expected > MOST_EXPECTED:
             raise AllocationError(
@@ -223,6 +223,11 @@ class AllocationProblem:
     def searching(self) -> Floats:
         """`upper_bound`, infinite where none was given, (n,)."""
         return self._given("upper_bound", np.full(self.n, np.inf))
+
+    @cached_property
+    def own_plan(self) -> float:
+        """`plan`, `expected` where none was given."""
+        return self.expected if self.plan is None else float(self.plan)
 
     @cached_property
     def within_reach(self) -> bool:

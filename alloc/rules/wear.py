@@ -96,9 +96,9 @@ def in_shares(problem: AllocationProblem) -> tuple[AllocationProblem, Floats]:
     shares = {
         name: value / mark for name in bounds if (value := getattr(problem, name)) is not None
     }
-    nothing = dict.fromkeys(("delivered", "truth", "deviation", "mark", "upper_bound"))
+    nothing = dict.fromkeys(("delivered", "truth", "deviation", "mark", "upper_bound", "plan"))
     expected = problem.expected * float(problem.weight.sum() / mass.sum())
-    return problem.changed(expected=expected, plan=None, mass=mass, **shares, **nothing), mark
+    return problem.changed(expected=expected, mass=mass, **shares, **nothing), mark
 
 
 def answer_wear(
@@ -106,7 +106,7 @@ def answer_wear(
 ) -> Allocation:
     """Limits of least wear, with `solve` for the program in shares."""
     started = time.perf_counter()
-    asked = np.clip(np.maximum(problem.searching, problem.plan), *problem.rate_box)
+    asked = np.clip(np.maximum(problem.searching, problem.own_plan), *problem.rate_box)
     undisturbed = np.where(np.isfinite(problem.searching), asked, problem.box[1])
     if not problem.within_reach:
         return allocation(problem, undisturbed, np.nan, CASE_A, time.perf_counter() - started)
