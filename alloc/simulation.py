@@ -93,6 +93,7 @@ class _RuleInPython:
             deviation=m.learnt.deviation.copy(),
             mark=m.mark.copy(),
             upper_bound=m.upper_bound.copy(),
+            plan=float(m.train.expected[0]),
         )
         answer = self.rule(problem)
         if fault := fault_of(answer, problem):

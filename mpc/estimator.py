@@ -67,6 +67,8 @@ class AxleEstimates(NamedTuple):
     """Deviation of measured slip [m/s]."""
     readings: Floats
     """Number of readings in it, those that the first guess counts for included."""
+    repeated: Floats
+    """Number of readings in the filtered values after the first."""
     coefficient: Floats
     peak: Floats
     variance: Floats
@@ -129,6 +131,7 @@ def observe_axles(c, axles, load, speed, omega, torque, fresh):
             axles.slip[i] = axles.measured[i] = axles.before[i] = measured
             axles.turned[i], axles.drove[i] = turned, torque
             axles.filtered[i] = torque + turned
+            axles.repeated[i] = -1.0
         axles.filtered[i] *= c.keep
         axles.filtered[i] += c.old * axles.turned[i] + c.new * turned
         axles.filtered[i] += c.old_torque * axles.drove[i] + c.new_torque * torque
@@ -139,6 +142,7 @@ def observe_axles(c, axles, load, speed, omega, torque, fresh):
         rough = abs(measured - 2.0 * axles.measured[i] + axles.before[i]) / 1.95
         rough = min(rough, ROUGHEST * max(axles.noise[i], SMALLEST_NOISE))
         axles.readings[i] += 1.0
+        axles.repeated[i] += 1.0
         axles.noise[i] += max(c.noise_share, 1.0 / axles.readings[i]) * (rough - axles.noise[i])
         axles.slip[i] = c.keep * axles.slip[i] + c.old * axles.measured[i] + c.new * measured
         axles.before[i], axles.measured[i] = axles.measured[i], measured
@@ -289,8 +293,7 @@ def take_in_pairs(c, axles, curve, noise):
         slope = peak * n * (1.0 - x * x) / (below * below * state.peak_slip)
         own = c.coefficient_error + c.relative_error * abs(coefficient)
         # the filter begins with one reading
-        later = axles.readings[i] - FIRST_READINGS - 1.0
-        kept = max(c.kept_noise, math.exp(2.0 * later * math.log(c.keep)))
+        kept = max(c.kept_noise, math.exp(2.0 * axles.repeated[i] * math.log(c.keep)))
         of_slip = c.slip_error * c.slip_error + kept * noise * noise
         error = own * own + felt * felt + slope * slope * of_slip
         # while slip changes fast, the filtered pair lies beside the curve

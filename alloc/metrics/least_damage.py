@@ -114,20 +114,21 @@ def _force_at(marginal, product, least_w, cap, price):
 
 
 @jit
-def least_power(kind, curve, contacts, table, loads, first, count, most, effort, work, out):
+def least_power(kind, curve, contacts, table, loads, first, count, most, effort, work, split, out):
     """Fill `out` (instants,) with the least power [W] at which the units deliver `effort` (instants,) [N].
 
-    `contacts`: slip velocity at the peak, speed, way, stiffness and `peak` of each contact, flat and padded, by instant and
-    axle as `loads` (instants, axles) [N]; axles of a unit stand together. `first`, `count` (units,): its axles. `most`
-    (instants, units): force of an axle [N] that its motors allow. `work`: arrays to write to.
+    `split` (instants, units) is filled with the force of an axle of each [N]. `contacts`: slip velocity at the peak, speed,
+    way, stiffness and `peak` of each contact, flat and padded, by instant and axle as `loads` (instants, axles) [N]; axles
+    of a unit stand together. `first`, `count` (units,): its axles. `most` (instants, units): force of an axle [N] that its
+    motors allow. `work`: arrays to write to.
     """
     top, speed, way, contact, peak = contacts
     instants, axles = loads.shape
     units, size = first.size, top.size
-    marginal, product, (cap, least_w, force) = work
+    marginal, product, (cap, least_w) = work
     price = 0.1
     for t in range(instants):
-        able = 0.0
+        able, force = 0.0, split[t]
         for j in range(units):
             cap[j] = np.inf
             for a in range(first[j], first[j] + count[j]):
@@ -231,50 +232,75 @@ def curve_of(run: xr.Dataset) -> AdhesionCurve | None:
     return None
 
 
-def _powers(run: xr.Dataset, curve: AdhesionCurve) -> tuple[Floats, Floats]:
-    """Power dissipated by the driven axles, and the least for their effort [W], at the sampled instants under demand."""
-    step = max(1, instants_in(run, SAMPLED))
-    chosen = np.flatnonzero(under_demand(run))[::step]
-    unit = series(run, "axle_unit")
-    driven = np.argsort(unit, kind="stable")[(unit < 0).sum() :]
-    unit = unit[driven]
-    count = np.bincount(unit, minlength=run.sizes["unit"])
-    able = motor_bounds(run, chosen)
-    # wheels that failed motors do not turn resist, whatever the split
-    dragged = np.minimum(able, 0.0).sum(axis=1)
-    able /= np.maximum(count, 1)
-    # motors that share an inverter let each axle find its own torque
-    apart = (series(run, "unit_parallel") > 0)[unit]
-    begins = np.append(True, (np.diff(unit) != 0)) | apart
-    first = np.flatnonzero(begins)
+def sampled(run: xr.Dataset) -> NDArray[np.intp]:
+    """Numbers of the sampled instants under demand."""
+    return np.flatnonzero(under_demand(run))[:: max(1, instants_in(run, SAMPLED))]
+
+
+def least_split(
+    run: xr.Dataset,
+    curve: AdhesionCurve,
+    chosen: Any,
+    axles: Any,
+    unit: Any,
+    most: Any,
+    effort: Any,
+) -> tuple[Floats, Floats]:
+    """Least power [W] at which `axles` deliver `effort` (instants,) [N] at the `chosen` instants, and the split.
+
+    `unit` (axles,): whose force each axle has, equal numbers together; `most` (instants, units): force of an axle [N] that
+    brakes or motors allow. The split is the force of an axle of each unit [N], (instants, units).
+    """  # fmt: skip
+    first = np.flatnonzero(np.append(True, np.diff(unit) != 0))
     count = np.diff(np.append(first, unit.size))
 
     def of_axles(name: str) -> Floats:
-        return np.asarray(series(run, name)[chosen][:, driven])
+        return np.ascontiguousarray(series(run, name)[chosen][:, axles])
 
-    force, slip = (
-        direction(run)[chosen][:, None] * of_axles("rail_force"),
-        of_axles("slip_velocity"),
-    )
-    shape, size = force.shape, padded(force.size)
+    shape = chosen.size, unit.size
+    size = padded(chosen.size * unit.size)
 
     def flat(values: Any) -> Floats:
         found = np.ones(size)
-        found[: force.size] = np.broadcast_to(values, shape).ravel()
+        found[: chosen.size * unit.size] = np.broadcast_to(values, shape).ravel()
         return found
 
-    radius, weight = series(run, "axle_radius")[driven], series(run, "axle_static_load")[driven]
+    radius, weight = series(run, "axle_radius")[axles], series(run, "axle_static_load")[axles]
     limit, top = flat(of_axles("adhesion_limit")), flat(of_axles("peak_slip"))
-    car = series(run, "axle_car")[driven]
+    car = series(run, "axle_car")[axles]
     speed = flat(np.abs(series(run, "car_speed")[chosen][:, car]))
     way, contact = flat(direction(run)[chosen][:, None]), flat(curve.contact(0.5 * weight, radius))
     peak, table, least = np.empty(size), np.empty((NODES + 1) * size), np.empty(chosen.size)
-    q, nodes = np.array(curve.q), (first.size, NODES + 1)
-    work = np.empty(nodes), np.empty(nodes), tuple(np.empty((3, first.size)))
+    q, nodes, split = (
+        np.array(curve.q),
+        (first.size, NODES + 1),
+        np.empty((chosen.size, first.size)),
+    )
+    work = np.empty(nodes), np.empty(nodes), tuple(np.empty((2, first.size)))
     tabulate(curve.kind, q, limit, top, speed, way, contact, peak, table)
     least_power(
         curve.kind, q, (top, speed, way, contact, peak), table, of_axles("axle_load"), first, count,
-        np.ascontiguousarray(able[:, unit[first]]), force.sum(axis=1) - dragged, work, least,
+        np.ascontiguousarray(most), effort, work, split, least,
+    )  # fmt: skip
+    return least, split
+
+
+def _powers(run: xr.Dataset, curve: AdhesionCurve) -> tuple[Floats, Floats]:
+    """Power dissipated by the driven axles, and the least for their effort [W], at the sampled instants under demand."""
+    chosen, unit = sampled(run), series(run, "axle_unit")
+    driven = np.argsort(unit, kind="stable")[(unit < 0).sum() :]
+    unit = unit[driven]
+    able = motor_bounds(run, chosen)
+    # wheels that failed motors do not turn resist, whatever the split
+    dragged = np.minimum(able, 0.0).sum(axis=1)
+    able /= np.maximum(np.bincount(unit, minlength=run.sizes["unit"]), 1)
+    # motors that share an inverter let each axle find its own torque
+    apart = (series(run, "unit_parallel") > 0)[unit]
+    begins = np.append(True, (np.diff(unit) != 0)) | apart
+    force = direction(run)[chosen][:, None] * series(run, "rail_force")[chosen][:, driven]
+    slip = series(run, "slip_velocity")[chosen][:, driven]
+    least, _ = least_split(
+        run, curve, chosen, driven, np.cumsum(begins), able[:, unit[begins]], force.sum(axis=1) - dragged
     )  # fmt: skip
     return np.abs(slip * force).sum(axis=1), least
 

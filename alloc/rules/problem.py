@@ -129,6 +129,9 @@ class AllocationProblem:
     upper_bound: ArrayLike | None = None
     """What `wear` and its forms ask, beside the plan, of each unit at its cap or where the plan is out of reach; inf for its
     cap. None: the caps."""
+    plan: float | None = None
+    """Coefficient that the driver asks of every unit, > 0, where `expected` makes up for trailers too; read by `wear` and
+    its forms. None: `expected`."""
     n: int = field(init=False)
     """Number of units."""
 
@@ -137,7 +140,8 @@ class AllocationProblem:
         put = object.__setattr__
         put(self, "n", cap.size)
         put(self, "cap", cap)
-        AllocationError.check("allocation", self, positive=("expected",))
+        given = ("expected",) if self.plan is None else ("expected", "plan")
+        AllocationError.check("allocation", self, positive=given)
         put(self, "expected", float(self.expected))
         if self.expected > MOST_EXPECTED:
             raise AllocationError(
@@ -219,6 +223,11 @@ class AllocationProblem:
     def searching(self) -> Floats:
         """`upper_bound`, infinite where none was given, (n,)."""
         return self._given("upper_bound", np.full(self.n, np.inf))
+
+    @cached_property
+    def own_plan(self) -> float:
+        """`plan`, `expected` where none was given."""
+        return self.expected if self.plan is None else float(self.plan)
 
     @cached_property
     def within_reach(self) -> bool:

@@ -192,7 +192,7 @@ def units_of(problem: AllocationProblem) -> Units:
     cap = np.asarray(problem.cap, dtype=float)
     return Units(
         cap, problem.weight, problem.torque_limit, problem.in_force, problem.obtained, problem.available,
-        problem.searching, problem.peak, problem.expected,
+        problem.searching, problem.peak, problem.own_plan,
     )  # fmt: skip
 
 

@@ -20,7 +20,8 @@ the program is that of `alloc.rules.qp`, so its solvers and its certificate serv
 
 A unit at its upper bound, or any where the plan is out of reach, has nothing to share. It is asked for `upper_bound` and for
 the plan at least, that is for so much that its controller searches for the peak undisturbed (`alloc.onboard.distribution`).
-So no unit that the rail limits is kept below what it may carry by a mark of a rail that is gone.
+So no unit that the rail limits is kept below what it may carry by a mark of a rail that is gone. What trailers lack is asked
+only of those that can give it. A unit that the rail limits would fill its part of that with air, and slide.
 """
 
 import time
@@ -49,10 +50,10 @@ AT_BOUND = 1e-9
 
 
 @inlined_jit
-def _undisturbed(units, j, expected):
+def _undisturbed(units, j):
     """What unit `j` is asked for that does what it can: more than it delivers, and the plan at least."""
     upper = units.upper_bound[j]
-    return min(max(upper, expected) if np.isfinite(upper) else units.cap[j], units.limit_max[j])
+    return min(max(upper, units.plan) if np.isfinite(upper) else units.cap[j], units.limit_max[j])
 
 
 @jit
@@ -67,7 +68,7 @@ def wear_law(units, expected, limit_out):
         balance += units.mass[j] * (min(units.cap[j], units.limit_max[j]) - expected)
     if balance <= ROUNDING * expected * total:
         for j in range(units.cap.size):
-            limit_out[j] = _undisturbed(units, j, expected)
+            limit_out[j] = _undisturbed(units, j)
         return np.nan, False
     share = 0.0
     for _ in range(units.cap.size):
@@ -84,7 +85,7 @@ def wear_law(units, expected, limit_out):
     for j in range(units.cap.size):
         limit_out[j] = max(units.mark[j], LEAST_MARK) * share
         if limit_out[j] >= min(units.cap[j], units.limit_max[j]):
-            limit_out[j] = _undisturbed(units, j, expected)
+            limit_out[j] = _undisturbed(units, j)
     return np.nan, True
 
 
@@ -95,9 +96,9 @@ def in_shares(problem: AllocationProblem) -> tuple[AllocationProblem, Floats]:
     shares = {
         name: value / mark for name in bounds if (value := getattr(problem, name)) is not None
     }
-    nothing = dict.fromkeys(("delivered", "truth", "deviation", "mark", "upper_bound"))
-    plan = problem.expected * float(problem.weight.sum() / mass.sum())
-    return problem.changed(expected=plan, mass=mass, **shares, **nothing), mark
+    nothing = dict.fromkeys(("delivered", "truth", "deviation", "mark", "upper_bound", "plan"))
+    expected = problem.expected * float(problem.weight.sum() / mass.sum())
+    return problem.changed(expected=expected, mass=mass, **shares, **nothing), mark
 
 
 def answer_wear(
@@ -105,7 +106,7 @@ def answer_wear(
 ) -> Allocation:
     """Limits of least wear, with `solve` for the program in shares."""
     started = time.perf_counter()
-    asked = np.clip(np.maximum(problem.searching, problem.expected), *problem.rate_box)
+    asked = np.clip(np.maximum(problem.searching, problem.own_plan), *problem.rate_box)
     undisturbed = np.where(np.isfinite(problem.searching), asked, problem.box[1])
     if not problem.within_reach:
         return allocation(problem, undisturbed, np.nan, CASE_A, time.perf_counter() - started)

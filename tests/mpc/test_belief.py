@@ -190,6 +190,26 @@ def test_forces_are_forgotten_without_what_is_known_of_the_rail(context):
     np.testing.assert_allclose(belief.coefficient, expected, rtol=1e-9)
 
 
+def test_observers_that_start_again_trust_their_readings_as_new_ones_do():
+    old, new = SyntheticUnit(BELIEVED, noise=0.02), SyntheticUnit(BELIEVED)
+    for _ in range(300):
+        old.period(0.3 * float(BELIEVED.limit(old.peak, old.speed)[1]), wanted=0.0)
+    for name in ("noise", "peak", "variance"):
+        getattr(new.belief.record.axles, name)[:] = getattr(old.belief.record.axles, name)
+    for part in ("curve", "search"):
+        getattr(new.belief.record, part).state[:] = getattr(old.belief.record, part).state
+    before = old.belief.peak.copy()
+    old.belief.forget_forces()
+    # one reading is as noisy as the sensor, and so is the pair that begins with it
+    for slip in (0.02, 0.03, 0.01):
+        for unit in (old, new):
+            unit.belief.update(10.0, np.full(4, (10.0 + slip) / unit.context.radius), 400.0, 0.0)
+        # new ones learn the noise faster, and that alone differs
+        new.belief.record.axles.noise[:] = old.belief.record.axles.noise
+        np.testing.assert_allclose(new.belief.peak, old.belief.peak, rtol=5e-4)
+    assert np.all(np.abs(old.belief.peak / before - 1.0) > 2e-3)
+
+
 def test_a_given_share_of_the_given_curves_slip_is_held_where_nothing_is_sought():
     for share in (0.7, 1.0):
         settings = MpcSettings(search=SlipSearch(seek=False, given_share=share))

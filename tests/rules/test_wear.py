@@ -97,11 +97,11 @@ def _others(limit, mark):
             yield other
 
 
-def law(cap, mark, upper_bound, most=1.0):
-    """Limits of units of equal mass, and whether the plan is within reach."""
+def law(cap, mark, upper_bound, most=1.0, plan=0.16):
+    """Limits of units of equal mass, and whether 0.16 is within reach."""
     cap, mark, upper_bound = (np.asarray(one, dtype=float) for one in (cap, mark, upper_bound))
     same, out = np.ones(cap.size), np.empty(cap.size)
-    units = Units(cap, same, most * same, out, cap, cap, upper_bound, mark, 0.16)
+    units = Units(cap, same, most * same, out, cap, cap, upper_bound, mark, plan)
     return out, wear_law(units, 0.16, out)[1]
 
 
@@ -113,6 +113,20 @@ def test_out_of_reach_every_unit_is_asked_for_what_it_may_search_up_to():
     for name in FORMS:
         answer = find_rule(name)(problem)
         assert (answer.case, answer.limit.tolist()) == ("A", [0.16, 0.15])
+
+
+def test_what_trailers_lack_is_asked_of_no_unit_that_does_what_it_can():
+    """In stops the train needs 0.16 of units whose own plan is 0.12: air would fill what a limited one is asked for."""
+    mark, upper_bound = [0.09, 0.10, 0.25], [0.1, 0.13, 0.3]
+    for cap, within in (([0.08, 0.10, 0.25], False), ([0.08, 0.10, 0.40], True)):
+        found, reached = law(cap, mark, upper_bound, plan=0.12)
+        assert reached == within
+        assert found[:2].tolist() == [0.12, 0.13]
+        if within:
+            assert found[2] == pytest.approx(3 * 0.16 - cap[0] - cap[1])
+        problem = AllocationProblem(cap, 0.16, mark=mark, upper_bound=upper_bound, plan=0.12)
+        for name in FORMS:
+            np.testing.assert_allclose(find_rule(name)(problem).limit, found, atol=AGREE)
 
 
 def test_a_unit_at_its_limit_is_asked_for_no_more_and_the_others_share_the_rest():

@@ -33,7 +33,7 @@ class Axle:
         self.keep, self.old, self.new = observer_gains(self.b.pole, PERIOD)
         self.weights = torque_weights(self.b.pole, context.torque_lag)
         self.noise, self.peak = axle_observer.FIRST_NOISE, self.b.initial
-        self.age, self.of_first = axle_observer.FIRST_READINGS, None
+        self.age, self.of_first = axle_observer.FIRST_READINGS, 1.0
         self.variance = (axle_observer.DOUBT * self.peak) ** 2
         self.mean, self.of_slip, self.of_coefficient = None, 0j, 0j
 
@@ -60,8 +60,8 @@ class Axle:
         self.age += 1.0
         kept = min(old, math.exp(-PERIOD / axle_observer.NOISE_TIME))
         self.noise = kept * self.noise + (1.0 - kept) * min(rough, most)
-        # weight that the very first reading has in the filtered slip
-        self.of_first = 1.0 if self.of_first is None else self.keep * self.of_first
+        # weight that the first reading has in the filtered slip
+        self.of_first = 1.0 if fresh else self.keep * self.of_first
         self.slip = self.keep * self.slip + self.old * self.w1 + self.new * w
         self.w2, self.w1 = self.w1, w
 
