@@ -28,6 +28,7 @@ PROMISED = {
         "wear",
         "wear-qp",
         "wear-cvxpy",
+        "preview",
     },
     "baseline": {"plan-times", "uniform"},
 }

@@ -42,6 +42,7 @@ NAMES = [
     "wear",
     "wear-qp",
     "wear-cvxpy",
+    "preview",
     "oracle",
 ]
 
@@ -70,6 +71,7 @@ def test_when_rules_are_asked_and_what_they_know():
         "greedy-literal": (Trigger.SLIP, Caps.FRONT),
         "greedy-tuned": (Trigger.ANY_SLIP, Caps.DETECTED),
         "cooperative": (Trigger.LIMITED, Caps.DELIVERED),
+        "preview": (Trigger.LIMITED, Caps.PREVIEW),
         "oracle": (Trigger.PERIOD, Caps.TRUE),
     } | dict.fromkeys(("wear", "wear-qp", "wear-cvxpy"), (Trigger.TELEGRAM, Caps.DELIVERED))
     for name in NAMES:
