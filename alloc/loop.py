@@ -121,7 +121,8 @@ def _least_adhesion(w, eq, time, truth, trailing):
 def true_limits(plant, eq, time, period, preview, sign, braking, truth, trailing):
     """Coefficient of each unit whose torque the rail just carries, now and as far ahead as its torque cannot be changed.
 
-    Or `preview` [s] ahead, if that is more. Part of the torque turns the wheelsets as the train goes, not as the plan has it.
+    Or `preview` [s] ahead, if that is more. Part of the torque turns the wheelsets as the train goes, not as the plan has
+    it.
     """
     w = plant.workspace
     for j in range(truth.size):

@@ -45,7 +45,9 @@ def drawn(seed: int, count: int) -> list[Event]:
 def _changed(record: Any, path: str, value: float) -> Any:
     """`record` with a field of it, or of a part of it, at another value."""
     name, _, rest = path.partition(".")
-    return replace(record, **{name: _changed(getattr(record, name), rest, value) if rest else value})
+    return replace(
+        record, **{name: _changed(getattr(record, name), rest, value) if rest else value}
+    )
 
 
 def equipped(event: Event, controller: str, settings: Mapping[str, float]) -> Event:
