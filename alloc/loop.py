@@ -87,6 +87,9 @@ USED = 0.995
 LAGS_AHEAD = 2.0
 """Lags of the motors' torque by which the oracle looks ahead, beyond the control period for which it keeps its torque."""
 
+PREVIEW = 0.2
+"""How far ahead `Caps.PREVIEW` looks [s]: two periods of telegrams, in which a limit arrives and the torque falls to it."""
+
 
 @inlined_jit
 def _least_adhesion(w, eq, time, truth, trailing):
@@ -110,10 +113,11 @@ def _least_adhesion(w, eq, time, truth, trailing):
 
 
 @jit
-def true_limits(plant, eq, time, period, sign, braking, truth, trailing):
+def true_limits(plant, eq, time, period, preview, sign, braking, truth, trailing):
     """Coefficient of each unit whose torque the rail just carries, now and as far ahead as its torque cannot be changed.
 
-    Part of the torque turns the wheelsets as the train goes, not as the plan has it.
+    Or `preview` [s] ahead, if that is more. Part of the torque turns the wheelsets as the train goes, not as the plan has
+    it.
     """
     w = plant.workspace
     for j in range(truth.size):
@@ -122,7 +126,7 @@ def true_limits(plant, eq, time, period, sign, braking, truth, trailing):
         trailing[g] = np.inf
     compiled.pack(w, plant.state, w.scratch.state)
     _least_adhesion(w, eq, time, truth, trailing)
-    ahead = period
+    ahead = max(period, preview)
     for j in range(truth.size):
         ahead = max(ahead, period + LAGS_AHEAD / w.unit.inverse_lag[j])
     for b in range(w.size.bodies):
@@ -258,11 +262,18 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 computers.parts.lead, eq, st, m, time, tick, a, failed,
                 given.up_delay_draw[row], given.up_loss_draw[row],
             )  # fmt: skip
-            if needed and st.rule.caps == Caps.TRUE:
+            if needed and (st.rule.caps == Caps.TRUE or st.rule.caps == Caps.PREVIEW):
                 sign = 1.0 if a >= 0.0 else -1.0
+                ahead = PREVIEW if st.rule.caps == Caps.PREVIEW else 0.0
                 _call(
-                    computers.parts.true_limits, plant, eq, time, timing.period, sign, braking, m.truth, m.air_most
+                    computers.parts.true_limits, plant, eq, time, timing.period, ahead, sign, braking,
+                    m.truth, m.air_most,
                 )  # fmt: skip
+            if needed and st.rule.caps == Caps.PREVIEW:
+                # no unit has been ahead of the leader, and trailers' brakes are told nothing
+                m.truth[m.lead.unit[0]] = np.inf
+                for g in range(m.air_most.size):
+                    m.air_most[g] = np.inf
             progress.phase[0] = DISTRIBUTE
             if needed:
                 m.counter.rule_calls[0] += 1

@@ -55,7 +55,7 @@ from alloc.recording import Record, Tally, to_dataset
 from alloc.records import ByReference, LaidOut, address_of, filled
 from alloc.rules import AllocationProblem, Rule, find_rule
 from alloc.rules.problem import fault_of
-from alloc.rules.rule import LAW
+from alloc.rules.rule import LAW, Caps
 
 
 class _Believed(NamedTuple):
@@ -253,7 +253,7 @@ class Simulation:
             "sense": sense, "lead": lead, "distribute": distribute, "advance": advance,
             "control": control(law if law in BUILT_IN else reserve),
         }  # fmt: skip
-        if chosen.needs_truth:
+        if chosen.caps in (Caps.TRUE, Caps.PREVIEW):
             functions["true_limits"] = true_limits
         if counted.step.size > 0:
             functions["command_compiled"] = command_compiled
@@ -308,7 +308,7 @@ def _kinds_of_parts(
         "distribute": void(eq, st, m, float64, int64, numbers, numbers),
         "control": void(eq, st, m, float64),
         "advance": float64(of["workspace"], float64, float64, int64, numbers, of["inputs"]),
-        "true_limits": void(plant, eq, float64, float64, float64, boolean, numbers, numbers),
+        "true_limits": void(plant, eq, *(float64,) * 4, boolean, numbers, numbers),
         "command_compiled": void(eq, m, answered, numbers, float64, int64),
     }
     return {name: types.FunctionType(kind) for name, kind in kinds.items()}

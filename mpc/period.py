@@ -6,6 +6,7 @@ In: measured state, model parameters, targets, slip limits. Out: torques over th
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ from mpc.model import (
     unit_model,
     unit_of_axle,
 )
-from mpc.settings import MpcError, MpcSettings
+from mpc.settings import MpcError, MpcSettings, Weights
 from mpc.solver import (
     NO_SOLUTION,
     NOT_FINITE,
@@ -130,10 +131,17 @@ class Plan(NamedTuple):
     """Measured [s]; without what is made once for all problems of a shape."""
 
 
+def weights_of(units: Units, settings: MpcSettings) -> Weights:
+    """Weights of the units' problem: changes of torque cost more where a drive twists."""
+    w = settings.weights
+    twists = any(context.twisting for context in group_of(units))
+    return replace(w, rate=w.twisting_rate) if twists else w
+
+
 def cost_of(units: Units, settings: MpcSettings, evenness: float = 0.0) -> Cost:
     """Cost as the compiled functions take it; targets, torques before, references and slip limits are still to come."""
     group, unit = group_of(units), unit_of_axle(units)
-    w = settings.weights
+    w = weights_of(units, settings)
     mass = np.array([context.mass for context in group])
     carried = np.array([torque_per_coefficient(context) for context in group])
     share = mass / mass.sum()

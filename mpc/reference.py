@@ -39,7 +39,7 @@ import numpy as np
 
 from mpc.condensing import needed_substeps
 from mpc.model import UnitModel, stiffness_of, unit_model
-from mpc.period import Plan, Problem, cost_of, solve_compiled
+from mpc.period import Plan, Problem, cost_of, solve_compiled, weights_of
 from mpc.settings import MpcError, Weights
 
 COMMON = {"expand": True, "print_time": False, "record_time": True}
@@ -118,7 +118,7 @@ def solve(problem: Problem, solver: str = "compiled") -> Plan:
     substeps = needed_substeps(stiffness_of(units, settings.step), settings.step, parameters)
     grid = settings.horizon, settings.step, substeps
     opti, given, unknowns, F, excess = posed(
-        unit_model(units), settings.weights, problem.evenness, grid, solver
+        unit_model(units), weights_of(units, settings), problem.evenness, grid, solver
     )
     terms = cost_of(units, settings)
     U, radius = terms.unit.scale, terms.slip_matrix.max(axis=1)

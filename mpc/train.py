@@ -157,6 +157,8 @@ class JointProblem:
 
     def __init__(self, contexts: Sequence[UnitContext], settings: MpcSettings) -> None:
         self.settings = settings
+        # what it orders are targets, from which the units' own problems keep the drives from swinging
+        contexts = [replace(context, twisting=False) for context in contexts]
         self._contexts = tuple(contexts)
         self._forecasts = [UnitForecast(context) for context in contexts]
         self._group = GroupProblem(contexts, settings, settings.group.steps)

@@ -71,7 +71,7 @@ HIGH, LOW = 0.160, 0.145
 DOT: Look = {"marker": "o", "markersize": 3.2, "linestyle": "none"}
 SAME = (
     "plan-times", "uniform", "qp-daqp", "qp-robust", "greedy-printed", "greedy-literal", "greedy-tuned", "cooperative",
-    "wear", "wear-qp", "wear-cvxpy",
+    "wear", "wear-qp", "wear-cvxpy", "preview",
 )  # fmt: skip
 """Rules that ask all units for the same, or answer as others where they are only called: as `qp`, `greedy` and `exact`; and
 those that need the marks of a run."""

@@ -85,7 +85,8 @@ def _update_demonstrated(st, m):
             m.demonstrated[j] = max(
                 got, m.demonstrated[j] + (got - m.demonstrated[j]) * period / FORGET
             )
-            room = ROOM if st.rule.caps == Caps.DELIVERED and not slipped else PROBE
+            own = st.rule.caps == Caps.DELIVERED or st.rule.caps == Caps.PREVIEW
+            room = ROOM if own and not slipped else PROBE
             m.upper_bound[j] = max(m.demonstrated[j], room * got)
         else:
             m.demonstrated[j] = max(m.demonstrated[j] + RISE * m.train.expected[0] * period, got)
@@ -191,7 +192,7 @@ def _asked_on_any_slip(st, m, time, changed):
 def _asked_on_limited(eq, st, m, time, tick, failed, blended):
     """With every telegram while a unit is limited by the rail, by its motors' power or by a failure."""
     expected = m.train.expected[0]
-    of_units = st.rule.caps == Caps.DELIVERED
+    of_units = st.rule.caps == Caps.DELIVERED or st.rule.caps == Caps.PREVIEW
     active = st.rule.trigger == Trigger.TELEGRAM or (blended and of_units)
     for j in range(m.cap.size):
         works = m.in_service[j] or blended  # air brakes stand in for motors
@@ -234,7 +235,7 @@ def prepare_allocation(eq, st, m, time, tick, commanded, failed):
     m.lead.needed[0] = expected
     if m.cap.size == 0:
         return False
-    if blended and (st.rule.caps == Caps.DELIVERED or st.rule.caps == Caps.TRUE):
+    if blended and st.rule.caps >= Caps.DELIVERED:
         m.lead.needed[0] += _trailers_shortfall(eq, m, expected)
     _lead(eq, m)
     if st.learning.learner != NO_LEARNING:

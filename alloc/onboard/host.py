@@ -65,6 +65,8 @@ class UnitContext:
     """Telegrams between the units."""
     blended: bool = False
     """Whether air brakes supply the part of a brake force that its motors lack."""
+    twisting: bool = False
+    """Whether the drives between its motors and its wheels twist."""
     settings: Any = None
     """Settings of the controller, as given to the run; None: its own defaults."""
 
@@ -213,6 +215,7 @@ def unit_contexts(
             unloading=tuple(s.unloading[members[j]].tolist()),
             telegrams=onboard.telegrams,
             blended=eq.blended,
+            twisting=bool(s.axle_shaft[:, members[j]].any()),
             settings=onboard.hosted.get(controller),
         )
         for j in range(eq.axles.size)

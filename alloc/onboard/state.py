@@ -251,7 +251,7 @@ class Memory(NamedTuple):
     cap: Floats
     limit_wanted: Floats  # what the foremost unit wants
     delivered: Floats  # by each unit, as the leader has heard
-    truth: Floats  # filled for the oracle only
+    truth: Floats  # filled for rules that are told it
     demonstrated: Floats  # coefficient that each unit has shown to be able to deliver
     upper_bound: Floats  # coefficient up to which each unit may be asked for more than the plan
     mark: Floats  # `demonstrated`; of a unit that was never limited that of the best

@@ -1,4 +1,4 @@
-"""The exact level, what is proved with it, and the rules that use it: exact, oracle, cooperative.
+"""The exact level, what is proved with it, and the rules that use it: exact, oracle, cooperative, preview.
 
 In: an `AllocationProblem`. Out: the limits with the largest sum up to the plan that are as equal as bounds allow; KKT
 residuals of any rule's answer (`optimality`); a solver's answer made exact from its active set (`polished`).
@@ -399,3 +399,27 @@ COOPERATIVE = Rule(
     cooperative_law, caps=Caps.DELIVERED, promise="exact", colour="#8e0055", marker="p",
 )  # fmt: skip
 RULES.register("cooperative", COOPERATIVE)
+
+
+# What a preview of the rail could bring: `cooperative`, and what units ahead could report of the rail if they measured its
+# peak without error.
+
+
+@jit
+def preview_law(units, expected, limit_out):
+    """As `cooperative_law` with the truth as cap where it is told; there no limit exceeds it, not even up to the plan."""
+    for j in range(limit_out.size):
+        limit_out[j] = units.truth[j] if np.isfinite(units.truth[j]) else units.cap[j]
+    level, reached = exact_limits(limit_out, expected, units.mass, units.limit_max, limit_out)
+    most = level if reached else np.inf
+    for j in range(limit_out.size):
+        asked = max(min(most, units.upper_bound[j]), units.plan)
+        limit_out[j] = min(asked, units.truth[j], units.limit_max[j])
+    return level, reached
+
+
+PREVIEW = Rule(
+    "preview", "as cooperative, and told the true peak ahead of all units but the leader: what no train has",
+    law=preview_law, caps=Caps.PREVIEW, promise="heuristic", colour="#211b04", marker="$V$",
+)  # fmt: skip
+RULES.register("preview", PREVIEW)

@@ -65,7 +65,9 @@ class Caps(IntEnum):
     """What each unit carried at its own slip detection; (5) from the foremost of these for those behind it."""
     DELIVERED = 2
     """What each limited unit delivers; what each other unit has shown to carry."""
-    TRUE = 3
+    PREVIEW = 3
+    """As `DELIVERED`; and the true peak ahead of every unit but the leader, as if the units ahead had measured it."""
+    TRUE = 4
     """The truth, which no computer on board can know."""
 
 
@@ -75,6 +77,7 @@ TRIGGERS = {
     ),
     Caps.DETECTED: (Trigger.ANY_SLIP,),
     Caps.DELIVERED: (Trigger.LIMITED, Trigger.TELEGRAM),
+    Caps.PREVIEW: (Trigger.LIMITED, Trigger.TELEGRAM),
     Caps.TRUE: (Trigger.PERIOD,),
 }  # fmt: skip
 """Triggers that go with caps; a rule with others is refused."""
@@ -95,6 +98,7 @@ class Units(NamedTuple):
     previous: Floats
     delivered: Floats
     truth: Floats
+    """Inf where a rule that is told the truth is not told that of a unit."""
     upper_bound: Floats
     """Coefficient up to which each unit may be asked for more than the plan; inf: it was never limited."""
     mark: Floats
@@ -207,7 +211,7 @@ RULES: Registry[Rule] = Registry(
     (
         "alone", "plan-times", "uniform", "preset", "sharing", "erp", "greedy", "greedy-printed", "greedy-literal",
         "greedy-tuned", "greedy-claim", "exact", "qp", "qp-daqp", "qp-cvxpy", "qp-robust", "cooperative", "wear", "wear-qp",
-        "wear-cvxpy", "oracle",
+        "wear-cvxpy", "preview", "oracle",
     ),
 )  # fmt: skip
 """Every rule by name: baselines and prior art, the patent's, exact ones, and the one that knows the truth."""

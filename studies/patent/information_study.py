@@ -34,13 +34,15 @@ LEVELS: Mapping[str, Level] = {
     "reports": Level("cooperative"),
     "reports, for wear": Level("wear"),
     "prompt reports": Level("cooperative", PROMPT),
+    "preview with truth": Level("preview"),
     "truth": Level("oracle"),
 }
 """From little to much; the reports serve two rules. Late: half a second, and three of ten telegrams lost; both are assumed,
-and far beyond a train bus."""
+and far beyond a train bus. Preview: reports, and the true peak at and ahead of every unit but the leader, as if those ahead
+had measured it without error; no train knows so much."""
 STEPS = (
     ("late, lossy reports", "own sensors"), ("reports", "late, lossy reports"), ("reports, for wear", "reports"),
-    ("prompt reports", "reports"), ("truth", "prompt reports"),
+    ("prompt reports", "reports"), ("preview with truth", "reports"), ("truth", "preview with truth"),
 )  # fmt: skip
 """Each level and the one that it is compared with."""
 DEMANDS = (0.9, 0.95, 1.0, 1.05)
@@ -137,7 +139,7 @@ def statements(table: pd.DataFrame) -> list[Statement]:
 
 INFORMATION = Study(
     name="information",
-    question="what information is worth: own sensors, reports that are late or prompt, the truth",
+    question="what information is worth: own sensors, reports that are late or prompt, a preview of the rail, the truth",
     default_events=48,
     cells=EachEvent(cells),
     finish=meant,

@@ -176,6 +176,8 @@ def test_the_cost_is_made_of_the_units_values(make_context):
     w = settings.weights
     assert tuple(cost.weights) == (w.tracking, w.slip, w.rate, 0.07, w.slip_scale)
     assert cost_of(units, settings).weights.evenness == 0.0
+    twisting = [units[0], replace(units[1], twisting=True)]
+    assert cost_of(twisting, settings).weights.rate == w.twisting_rate > w.rate
     for values in (*cost.unit[:3], cost.axle.slip_limit):
         assert not values.any()
     slip = np.zeros((6, 9))  # speed, six axles, two torques

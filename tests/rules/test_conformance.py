@@ -31,6 +31,7 @@ PROMISED = {
         "wear",
         "wear-qp",
         "wear-cvxpy",
+        "preview",
     },
     "baseline": {"plan-times", "uniform"},
 }

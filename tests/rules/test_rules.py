@@ -42,6 +42,7 @@ NAMES = [
     "wear",
     "wear-qp",
     "wear-cvxpy",
+    "preview",
     "oracle",
 ]
 
@@ -61,6 +62,17 @@ def test_oracle_is_the_exact_level_on_the_truth():
     assert not any(RULES[name].needs_truth for name in NAMES if name != "oracle")
 
 
+def test_a_preview_asks_nobody_for_more_than_the_truth():
+    """0.04 are missing at unit 2, and the two others have room for 0.02 each; unit 3 is at its cap's truth."""
+    for truth, limit in (
+        ([0.25, 0.13, 0.25], [0.19, 0.13, 0.19]),
+        ([0.25, 0.13, 0.18], [0.20, 0.13, 0.18]),
+        ([0.12, 0.13, 0.14], [0.12, 0.13, 0.14]),
+    ):
+        problem = AllocationProblem([0.15, 0.20, 0.21], 0.17, truth=truth)
+        assert RULES["preview"](problem).limit == pytest.approx(limit, rel=1e-12)
+
+
 def test_when_rules_are_asked_and_what_they_know():
     others = {
         "uniform": (Trigger.LIMITED, Caps.DELIVERED),
@@ -70,6 +82,7 @@ def test_when_rules_are_asked_and_what_they_know():
         "greedy-literal": (Trigger.SLIP, Caps.FRONT),
         "greedy-tuned": (Trigger.ANY_SLIP, Caps.DETECTED),
         "cooperative": (Trigger.LIMITED, Caps.DELIVERED),
+        "preview": (Trigger.LIMITED, Caps.PREVIEW),
         "oracle": (Trigger.PERIOD, Caps.TRUE),
     } | dict.fromkeys(("wear", "wear-qp", "wear-cvxpy"), (Trigger.TELEGRAM, Caps.DELIVERED))
     for name in NAMES:

@@ -84,6 +84,15 @@ def test_the_oracle_works_at_the_bound_without_slip_under_every_controller(name)
         np.testing.assert_array_equal(first[variable], second[variable], err_msg=variable)
 
 
+def test_a_preview_with_truth_keeps_all_units_but_the_leader_below_their_peaks(make_event):
+    # rules are asked from the first slips on, at 1.1 s
+    run = simulate(make_event(0.09), "preview", "cut-and-ramp").sel(time=slice(1.5, None))
+    past = np.abs(run["slip_velocity"].values) > run["peak_slip"].values
+    unit = run["axle_unit"].values
+    assert past[:, unit == 0].any()
+    assert not past[:, unit > 0].any()
+
+
 @looped("name", DRIVING)
 @looped("controller", ["perturb-observe", "cut-and-ramp"])
 def test_nothing_beats_the_bound_and_there_is_no_negative_room(name, controller, found):
