@@ -211,8 +211,6 @@ def _asked_on_limited(eq, st, m, time, tick, failed, blended):
         best = expected
         for j in range(m.cap.size):
             m.cap[j] = max(m.delivered[j], LEAST) if m.limited[j] else m.upper_bound[j]
-            if np.isinf(m.cap[j]):  # nothing is known of it: its motors alone bound it
-                m.cap[j] = m.most[j]
             if np.isfinite(m.demonstrated[j]):
                 best = max(best, m.demonstrated[j])
         for j in range(m.cap.size):
@@ -260,7 +258,12 @@ def lead(eq, st, m, time, tick, commanded, failed, delay, lost):
     """
     write_reports(eq, st, m, time, commanded)
     hear_reports(eq, st, m, time, tick, delay, lost)
-    return prepare_allocation(eq, st, m, time, tick, commanded, failed)
+    needed = prepare_allocation(eq, st, m, time, tick, commanded, failed)
+    if needed:
+        for j in range(m.cap.size):
+            if np.isinf(m.cap[j]):  # nothing is known of it: its motors alone bound it
+                m.cap[j] = m.most[j]
+    return needed
 
 
 @jit
