@@ -40,7 +40,7 @@ class Weights:
     """Weight of (change of torque from step to step / torque scale)^2."""
     twisting_rate: ClassVar[float] = 4.8
     """The same where drives twist. The model has stiff ones, so what a fast change of torque excites in them is not
-    predicted, and comes back as slip. Source: tuned on 14 starts of the study `effects` (seeds 5300 and 5400)."""
+    predicted, and comes back as slip. Source: tuned on 14 starts of the study `effects` (seeds 5300 to 5500)."""
     coefficient_scale: ClassVar[float] = 0.1
     """Coefficient whose motor torque is the torque scale."""
     slip_scale: ClassVar[float] = 0.05
