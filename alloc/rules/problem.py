@@ -79,7 +79,7 @@ _ADVICE = {
     "previous": "give the limits in force, or leave previous out",
     "rate": "give the largest change of a limit per call as a coefficient, or leave rate out",
     "delivered": "give the magnitude of the coefficient that each unit delivers now",
-    "truth": "give the available coefficients, or leave truth out",
+    "truth": "give the available coefficients, inf where one is not told, or leave truth out",
     "deviation": "give the standard deviation of each cap about the truth, or leave deviation out",
     "mark": "give the coefficient that each unit has shown to carry, or leave mark out",
     "upper_bound": "give the coefficient up to which each unit may search, or leave upper_bound out",
@@ -121,7 +121,7 @@ class AllocationProblem:
     """Coefficient that each unit delivers now under its own readhesion control; read by `sharing`. None: what the caps
     carry."""
     truth: ArrayLike | None = None
-    """Coefficients truly available; read by `oracle` and `preview`. None: the caps are true."""
+    """Coefficients truly available, inf where a unit's is not told; read by `oracle` and `preview`. None: the caps are true."""
     deviation: ArrayLike | None = None
     """Standard deviation of each cap about the truth, >= 0; read by `qp-robust` alone. None: the caps are certain."""
     mark: ArrayLike | None = None
@@ -280,7 +280,7 @@ def _coefficients(name: str, values: ArrayLike, n: int | None) -> Floats:
         )
     if n is not None and array.shape != (n,):
         raise AllocationError(f"{name} has shape {array.shape}, must be ({n},) as cap has")
-    may_be_infinite = name in ("limit_max", "rate", "upper_bound")
+    may_be_infinite = name in ("limit_max", "rate", "upper_bound", "truth")
     largest = np.inf if may_be_infinite else np.finfo(float).max
     wrong = ~((array >= 0.0) & (array <= largest)) | ((name == "mass") & (array == 0.0))
     if wrong.any():
