@@ -121,7 +121,7 @@ class AllocationProblem:
     """Coefficient that each unit delivers now under its own readhesion control; read by `sharing`. None: what the caps
     carry."""
     truth: ArrayLike | None = None
-    """Coefficients truly available, inf where a unit's is not told; read by `oracle` and `preview`. None: the caps are true."""
+    """Coefficients truly available, inf where one is not told; read by `oracle` and `preview`. None: the caps are true."""
     deviation: ArrayLike | None = None
     """Standard deviation of each cap about the truth, >= 0; read by `qp-robust` alone. None: the caps are certain."""
     mark: ArrayLike | None = None
