@@ -46,7 +46,7 @@ LONGEST = 0.1
 PROBLEMS = 2
 """Different problems, so that no rule answers from memory."""
 EVENTS = (1, 10, 100, 1000)
-ON_CLUSTER = (10, 40)
+ON_CLUSTER = (40, 400)
 """Numbers of events with Dask; times are of those that the second has more, so no start of a worker counts."""
 SHARING = ("alone", "uniform", "preset", "sharing", "erp", "greedy", "exact", "cooperative")
 """Rules that meet each event there."""
