@@ -65,14 +65,13 @@ def of_axles(count: int) -> Train:
 
 def least(call: Callable[[], object], rounds: int) -> float:
     """Least processor time [s] of a call, after one that does not count; of one alone where that took `LONGEST`."""
-    taken = []
-    for _ in range(rounds + 1):
+    call()
+    taken: list[float] = []
+    while len(taken) < rounds and max(taken, default=0.0) <= LONGEST:
         began = time.process_time()
         call()
         taken.append(time.process_time() - began)
-        if taken[-1] > LONGEST:
-            break
-    return min(taken[1:] or taken)
+    return min(taken)
 
 
 def run_time(axles: int) -> float:
