@@ -181,7 +181,7 @@ def draw(path: Path) -> None:
             for what, points in shown.items():
                 look = rule_look(what) | {"linestyle": "-", "label": what, "markersize": 4}
                 axis.loglog(*zip(*sorted(points), strict=True), **look)
-            axis.set(xlabel=f"number of {size}", ylabel=quantity, ylim=(1.0, most))
+            axis.set(xlabel=f"number of {size}", ylabel=quantity, ylim=(0.5, most))
             if len(shown) > 1:
                 axis.legend(ncols=3, loc="upper left", frameon=False)
         figure.savefig(path, dpi=150)
