@@ -205,7 +205,7 @@ def run_cells(
         store.check_writable()
         if check is not None:
             check()
-    reuse_memory()
+        reuse_memory()
     done = len(cells) - len(missing)
     if on_row is not None:
         on_row("preparing (compiles on first use)" if missing else "", done, len(cells))

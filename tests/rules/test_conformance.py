@@ -40,7 +40,7 @@ PROMISED = {
 @looped("rule", RULES.values())
 def test_every_rule_keeps_what_it_promises(rule):
     assert rule.name in PROMISED[rule.promise]
-    found = check_rule(rule, examples=60)
+    found = check_rule(rule, examples=100)
     assert not [one for one in found if one.worst > ROUNDING]
 
 

@@ -4,7 +4,7 @@ from alloc.metrics import evaluate
 from alloc.simulation import simulate
 from tests.studies.random_scenarios import AXLE_STEPS, drawn
 
-COUNT = 160
+COUNT = 250
 
 
 def test_random_legal_scenarios_give_runs_that_keep_every_law():
