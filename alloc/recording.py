@@ -52,7 +52,11 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "speed": ("m s-1", "mean speed of the train"),
         "acceleration": ("m s-2", "mean acceleration of the train"),
         "driver_command": ("m s-2", "acceleration asked for on level track"),
-        "expected": ("1", "coefficient that the plan needs of every unit"),
+        "planned_coefficient": (
+            "1",
+            "coefficient that the driver's command needs of every acting axle, by the train's true masses",
+        ),
+        "expected": ("1", "coefficient that the plan needs of every unit, as the train computes it"),
         "reference_deviation": (
             "m s-1",
             "standard deviation of the reference speed by its estimate",
@@ -433,6 +437,10 @@ def to_dataset(
     median, most = 0.0, 0.0
     if tally.controller_times:
         median, most = map(float, np.quantile(tally.controller_times, (0.5, 0.99)))
+    blended = model.layout.groups > 0 and (
+        event.onboard.braking.blended or model.layout.units == 0
+    )
+    values["planned_coefficient"] = planned_coefficient(model, values["driver_command"], blended)
     attributes: dict[str, Any] = {
         "event": event.name,
         "event_hash": event.hash,
@@ -441,9 +449,7 @@ def to_dataset(
         "controller": controller,
         "target_speed": np.nan if event.target_speed is None else event.target_speed,
         **_train_attributes(model),
-        "blended_brakes": int(
-            model.layout.groups > 0 and (event.onboard.braking.blended or model.layout.units == 0)
-        ),
+        "blended_brakes": int(blended),
         **{name: int(count[0]) for name, count in counters._asdict().items()},
         "rule_failures": tally.rule_failures,
         "rule_time_s": tally.rule_time,
@@ -457,6 +463,25 @@ def to_dataset(
         **provenance(),
     }
     return _dataset(record.plant.time, values, attributes)
+
+
+def planned_coefficient(model: Model, command: Floats, blended: bool) -> Floats:
+    """Coefficient that `command` (time,) [m/s2] needs of every axle that acts on it, (time,), by the plant's masses.
+
+    The rail carries what accelerates the train, and what turns the wheelsets that do not act. What turns the others comes
+    from their own motors or shoes. Metrics judge by this plan, whatever the train itself computes (`expected`).
+    """
+    s = model.structure
+    driven = s.axle_unit >= 0
+    found = np.zeros(command.shape)
+    for chosen, acting in (
+        (command > 0.0, driven),
+        (command < 0.0, driven | (s.axle_group >= 0) if blended else driven),
+    ):
+        if acting.any():
+            mass = model.train.mass + (s.inertia / s.radius**2)[~acting].sum()
+            found[chosen] = np.abs(command[chosen]) * mass / s.static_load[acting].sum()
+    return found
 
 
 def driven_dataset(

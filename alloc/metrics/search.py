@@ -322,7 +322,7 @@ def torque_fluctuation(run: xr.Dataset) -> float:
     load, radius, gear = (
         series(run, name) for name in ("unit_static_load", "unit_radius", "unit_gear")
     )
-    planned = series(run, "expected")[demand].mean() * (load * radius / (gear * axles))
+    planned = series(run, "planned_coefficient")[demand].mean() * (load * radius / (gear * axles))
     command = series(run, "torque_command")[demand] / planned
     deviation = command - uniform_filter1d(command, window, axis=0, mode="nearest")
     return float(np.sqrt((deviation**2).mean()))

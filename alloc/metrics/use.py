@@ -324,7 +324,7 @@ class TrainBounds(NamedTuple):
     """Forces [N] at the instants that count, (instants,) each."""
 
     plan: Floats
-    """What the driver asks for."""
+    """What the driver asks for, by the plant's masses; not what the train takes it for."""
     bound: Floats
     """The largest force that the train can deliver, but no more than the plan."""
     apart: Floats
@@ -402,9 +402,9 @@ def bounds_at(run: xr.Dataset, chosen: Any) -> TrainBounds:
     braking = direction(run)[chosen] < 0.0
     unit, group = series(run, "axle_unit"), series(run, "axle_group")
     available, force = force_available(run)[chosen], force_along(run)[chosen]
-    expected = series(run, "expected")[chosen]
+    planned = series(run, "planned_coefficient")[chosen, None]
     driven = unit >= 0
-    own = expected[:, None] * series(run, "unit_static_load")
+    own = planned * series(run, "unit_static_load")
     units = run.sizes["unit"]
     weakest, shared = _weakest(available, unit, units), series(run, "unit_parallel") > 0
     motors = motor_bounds(run, chosen)
@@ -420,10 +420,10 @@ def bounds_at(run: xr.Dataset, chosen: Any) -> TrainBounds:
     if blended and braking.any():
         trailing = ~driven & (group >= 0)
         numbers, inside = np.unique(group[trailing], return_inverse=True)
-        planned = expected[:, None] * np.bincount(inside, series(run, "axle_static_load")[trailing])
-        carried = np.minimum(planned, _weakest(available[:, trailing], inside, numbers.size))
+        wanted = planned * np.bincount(inside, series(run, "axle_static_load")[trailing])
+        carried = np.minimum(wanted, _weakest(available[:, trailing], inside, numbers.size))
         for total, part in (
-            (plan, planned), (bound, carried), (same, carried), (apart, carried),
+            (plan, wanted), (bound, carried), (same, carried), (apart, carried),
             (delivered, force[:, trailing]),
         ):  # fmt: skip
             total += np.where(braking, part.sum(axis=1), 0.0)

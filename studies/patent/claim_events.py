@@ -133,22 +133,22 @@ def measure(run: xr.Dataset) -> dict[str, float]:
     force = (np.sign(command)[:, None] * series(run, "rail_force"))[window] @ member
     available = (series(run, "adhesion_limit") * series(run, "axle_load"))[window] @ member
     load = series(run, "axle_load")[window] @ member
-    expected = series(run, "expected")[window]
+    planned = series(run, "planned_coefficient")[window]
     limit = series(run, "limit")[window]
     adhesion = series(run, "adhesion_limit")[window] @ (member / member.sum(axis=0))
-    reach = available.sum(axis=1) / load.sum(axis=1) / expected
+    reach = available.sum(axis=1) / load.sum(axis=1) / planned
     use = force.sum(axis=0) / available.sum(axis=0)
     step = float(time[1] - time[0])
     return {
-        "held_effort": float(force.sum() / (expected * load.sum(axis=1)).sum()),
+        "held_effort": float(force.sum() / (planned * load.sum(axis=1)).sum()),
         "reach_low": float(np.quantile(reach, 0.05)),
         "reach_high": float(np.quantile(reach, 0.95)),
-        "front_low": float(np.quantile(adhesion[:, 0] / expected, 0.05)),
+        "front_low": float(np.quantile(adhesion[:, 0] / planned, 0.05)),
         "unit_use_low": float(use.min()),
         "unit_use_mean": float(use.mean()),
         "over_share": float((limit > adhesion).mean()),
         "limit_travel": float(
-            (np.abs(np.diff(limit, axis=0)).sum(axis=0) / expected.mean()).mean()
+            (np.abs(np.diff(limit, axis=0)).sum(axis=0) / planned.mean()).mean()
         ),
         **_under_excess(
             limit / adhesion - 1.0, force, available, series(run, "case")[window] > 0.0, step

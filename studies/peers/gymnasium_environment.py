@@ -22,7 +22,7 @@ from alloc.onboard.controllers.collection import BUILT_IN, RESERVE
 from alloc.onboard.host import EachUnit, HostedController, TorqueDecision, UnitSense
 from alloc.plant.model import Floats
 from alloc.plant.workspace import Noted
-from alloc.recording import PlantRecord, physical_variables
+from alloc.recording import PlantRecord, physical_variables, planned_coefficient
 from alloc.rules import find_rule
 from alloc.simulation import ControllerInPython, Simulation
 from studies.files.study_error import StudyError
@@ -142,14 +142,15 @@ class ReadhesionEnvironment(gymnasium.Env[NDArray[np.float64], NDArray[np.float6
             decisions[j] = TorqueDecision(share * self._senses[j].target, True, "ok", 0.0)
         self._controller.answer(decisions)
         computers = run.computers.memory
+        command = run.loop.progress.commanded.copy()
         told = {
-            "driver_command": run.loop.progress.commanded.copy(),
-            "expected": computers.train.expected.copy(),
+            "driver_command": command,
+            "planned_coefficient": planned_coefficient(run.event.model, command, self._blended),
             "torque_factor": computers.unit.torque_factor[None].copy(),
         }
         state = run.loop.plant.state.copy()
         self._go_on()
-        found = bounds_at(_instant(run, state, told), slice(None))
+        found = bounds_at(_instant(run, state, told, self._blended), slice(None))
         bound = float(found.bound[0])
         effort = min(max(float(found.force[0]), 0.0), bound)
         spent = run.loop.plant.state[n.friction_work] - state[n.friction_work]
@@ -164,6 +165,11 @@ class ReadhesionEnvironment(gymnasium.Env[NDArray[np.float64], NDArray[np.float6
         if self._run is None or not self._ended:
             raise StudyError("environment: the event has not ended; step until it is truncated")
         return self._run.recorded()
+
+    @property
+    def _blended(self) -> bool:
+        event = cast(Simulation, self._run).event
+        return event.model.layout.groups > 0 and event.onboard.braking.blended
 
     @property
     def _controller(self) -> ControllerInPython:
@@ -193,13 +199,14 @@ class ReadhesionEnvironment(gymnasium.Env[NDArray[np.float64], NDArray[np.float6
         return seen, about | {"reserve": np.array(reserve)}
 
 
-def _instant(run: Simulation, state: Floats, told: dict[str, Floats]) -> xr.Dataset:
+def _instant(
+    run: Simulation, state: Floats, told: dict[str, Floats], blended: bool
+) -> xr.Dataset:
     """The instant at which the last control period began, with the `state` then, as far as bounds read it of a run."""
     plant, model = run.loop.plant, run.event.model
     noted = Noted(*(values[None] for values in plant.workspace.noted))
     time = np.array([(run.loop.progress.tick[0] - 1) * run.loop.timing.period])
     values = physical_variables(model, PlantRecord(time, state[None], noted)) | told
-    blended = model.layout.groups > 0 and run.event.onboard.braking.blended
     # what metrics read of a dataset; to make one takes twice as long as all else in a step
     found = SimpleNamespace(
         variables={name: SimpleNamespace(values=one) for name, one in values.items()},

@@ -313,7 +313,7 @@ def air_of_units(run: xr.Dataset) -> float:
     asked = under_demand(run)
     unit, load = series(run, "axle_unit"), series(run, "unit_static_load")
     axles = np.bincount(unit[unit >= 0], minlength=run.sizes["unit"])
-    plan = float(series(run, "expected")[asked].sum() * load.sum())
+    plan = float(series(run, "planned_coefficient")[asked].sum() * load.sum())
     return float((series(run, "air_brake_force")[asked] @ axles).sum() / plan) if plan else np.nan
 
 

@@ -34,7 +34,7 @@ VARIABLES = {
     "speed": ("time", SPEED),
     "acceleration": ("time", course(0.3, (4, 33, 0.6), (5, 5, -0.2), (34, 43, -0.4))),
     "driver_command": ("time", course(0.0, (4, 33, 0.8), (34, 43, -0.5))),
-    "expected": ("time", course(0.0, (4, 32, 0.16), (33, 33, 0.09), (34, 43, 0.10))),
+    "planned_coefficient": ("time", course(0.0, (4, 32, 0.16), (33, 33, 0.09), (34, 43, 0.10))),
     "motor_work": ("time", course(3e6, (0, 0, 2e6), (43, 43, 5.5e6))),
     "car_acceleration": (("time", "car"), beside(
         course(0.5, (10, 10, 0.75), (43, 43, 0.55)),

@@ -40,7 +40,7 @@ def made(
     variables = {
         "driver_command": ("time", command),
         "acceleration": ("time", sign * np.ones(COUNT)),
-        "expected": ("time", np.full(COUNT, EXPECTED)),
+        "planned_coefficient": ("time", np.full(COUNT, EXPECTED)),
         "adhesion_limit": (("time", "axle"), adhesion * over_time * np.ones(6)),
         "axle_load": (("time", "axle"), LOAD * over_time * np.ones(6)),
         "rail_force": (("time", "axle"), sign * LOAD * force * over_time),
