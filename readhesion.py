@@ -7,41 +7,41 @@
     table = readhesion.compare("wet-patch", rules=["alone", "cooperative"])  # a pandas.DataFrame
     readhesion.plot(run, "event.png")
 
-The rest is in the packages: plant, rules and controllers in `alloc`, the MPC in `mpc`, studies in `studies`, figures in
-`paper_figs`. `python -m readhesion` is the command of the same name.
+Plant, rules and controllers are in `alloc`, the MPC in `mpc`, studies in `studies`, figures in `paper_figs`.
+`python -m readhesion` is the command of the same name.
 """
 
-if __name__ == "__main__":  # listens to signals before it imports what follows
-    from studies.command_line.__main__ import main
+import tempfile as _tempfile
+from collections.abc import Iterable as _Iterable
+from collections.abc import Sequence as _Sequence
+from importlib.metadata import version as _version
+from pathlib import Path as _Path
+from typing import Any as _Any
 
-    main()
+import pandas as _pd
+import xarray as _xr
 
-import tempfile
-from collections.abc import Iterable, Sequence
-from functools import partial
-from pathlib import Path
-from typing import Any
-
-import pandas as pd
-import xarray as xr
-
-from alloc import simulation
+from alloc import metrics as _metrics
+from alloc import recording as _recording
+from alloc import simulation as _simulation
 from alloc.errors import InputError
 from alloc.event import DriverCommand, Event
-from alloc.metrics import METRICS, Metric, evaluate, metric
+from alloc.metrics import METRICS, Metric, metric
 from alloc.onboard.host import CONTROLLERS, HostedController, each_unit
-from alloc.recording import load, save
 from alloc.rules import RULES, Allocation, AllocationProblem, Caps, Rule, Trigger, optimality
 from alloc.rules.testing import check_rule
 from alloc.testing import check_controller, check_curve
-from studies.comparison.summary import make_grid
-from studies.core.own_parts import try_parts
-from studies.core.run import run_cells
-from studies.core.store import Store
-from studies.core.study import find_study, study_folder
-from studies.files.study_error import StudyError
-from studies.scenario.scenario import Scenario, default_scenarios, load_scenario
+from studies import compare as _compare
+from studies.catalogue import find_study as _find_study
+from studies.core import StudyError as _StudyError
+from studies.core import run_study as _run_study
+from studies.plugins import try_own_parts as _try_own_parts
+from studies.runs import recorded as _recorded
+from studies.scenario import Scenario
+from studies.scenario import load as load_scenario
+from studies.statistics import statement_table as _statement_table
 
+__version__ = _version("readhesion")
 __all__ = [
     "CONTROLLERS", "METRICS", "RULES", "Allocation", "AllocationProblem", "Caps", "DriverCommand", "Event",
     "HostedController", "InputError", "Metric", "Rule", "Scenario", "Trigger", "check_controller", "check_curve",
@@ -49,130 +49,173 @@ __all__ = [
     "simulate", "sweep",
 ]  # fmt: skip
 
-INTERNAL = ("cell", "code_hash", "scenario_hash", "messages")
-"""Columns by which a store knows its rows."""
-FIRST = ("scenario", "rule", "controller", "seed", "status", "reason")
-"""Columns that a table of runs begins with."""
+_Named = str | _Path | Scenario
 
-Named = str | Path | Scenario
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]
 
 
 def simulate(
-    event: Named | Event,
+    event: _Named | Event,
     rule: str | Rule = "greedy",
     controller: str | HostedController = "cut-and-ramp",
     seed: int = 0,
-    **options: Any,
-) -> xr.Dataset:
+    **options: _Any,
+) -> _xr.Dataset:
     """Run one slip event under a rule and a readhesion controller; returns the recorded run, see `alloc.recording`.
 
     `event`: the name of a scenario, the path of its file, a `Scenario`, or an `Event`, which has its draws already. `seed`
     determines all that a scenario draws. `options` are those of `alloc.simulation.simulate`. Raises `InputError` for what
     cannot be simulated.
     """
-    if isinstance(event, str | Path):
-        event = load_scenario(event)
-    if isinstance(event, Scenario):
-        event = event.event(seed)
-    elif seed:
-        raise StudyError(
-            f"seed = {seed}: an event has its draws already; give the scenario that it is of"
+    _check("seed", seed, 0)
+    if isinstance(event, Event):
+        if seed:
+            raise _StudyError(f"seed = {seed}: an event has its draws; give its scenario")
+        return _simulation.simulate(event, rule, controller, **options)
+    scenario = _scenario(event)
+    if isinstance(rule, str) and isinstance(controller, str) and not options:
+        return _recorded(scenario, rule, controller, seed)
+    return _simulation.simulate(scenario.event(seed), rule, controller, **options)
+
+
+def evaluate(run: _xr.Dataset) -> dict[str, float]:
+    """Every metric of a recorded run, by name; nan where it does not apply. Raises `InputError` for no whole run."""
+    if not isinstance(run, _xr.Dataset):
+        raise InputError(
+            f"evaluate takes a recorded run, not {run!r:.60}; readhesion.load reads one"
         )
-    return simulation.simulate(event, rule, controller, **options)
+    for name, variable in _recording.VARIABLES.items():
+        if name in run and run[name].dims != variable.dims:
+            raise InputError(f"run: {name} has dimensions {run[name].dims}, not {variable.dims}")
+    try:
+        return _metrics.evaluate(run)
+    except (KeyError, AttributeError) as error:
+        raise InputError(
+            f"run: {error} is missing; evaluate takes whole runs of simulate"
+        ) from None
 
 
 def compare(
-    scenarios: Named | Sequence[Named] | None = None,
-    rules: str | Sequence[str] | None = None,
-    controllers: str | Sequence[str] | None = None,
+    scenarios: _Named | _Sequence[_Named] | None = None,
+    rules: str | _Sequence[str] | None = None,
+    controllers: str | _Sequence[str] | None = None,
     seeds: int | None = None,
-    out: str | Path | None = None,
+    out: str | _Path | None = None,
     jobs: int = 1,
-    keep: Sequence[str] = (),
-) -> pd.DataFrame:
+) -> _pd.DataFrame:
     """Run rules and controllers over the same slip events: one row per run, with every metric.
 
     What is left out is as in `readhesion compare`. `out`: a folder that keeps rows as they are computed; the same call goes
-    on where it stopped. `jobs`: number of processes. `keep`: runs to record in `out`, as patterns of
-    scenario/rule/controller/seed. Raises `InputError` for a part that does not exist or does not work; a run that fails is a
-    row with its `status` and `reason`.
+    on where it stopped. `jobs`: processes; a script that asks for several does so under ``if __name__ == "__main__"``.
+    Raises `InputError` for a part that does not exist or does not work; a run that fails is a row with its reason.
     """
-    chosen = [
-        one if isinstance(one, Scenario) else load_scenario(one)
-        for one in _several(scenarios) or default_scenarios()
-    ]
-    for part, names in (("rule", _several(rules)), ("controller", _several(controllers))):
-        for one in names or ():
-            if not isinstance(one, str):
-                raise StudyError(
-                    f"{part} = {one!r:.80} must be a name: register it in {part.upper()}S first"
-                )
-    grid = make_grid(chosen, _several(rules), _several(controllers), seeds)
-    if keep and out is None:
-        raise StudyError(f"keep = {keep!r}: say in which folder, by out")
-    check = partial(try_parts, grid.rules, (*grid.controllers, *grid.once))
-    with tempfile.TemporaryDirectory() as folder:
-        table = run_cells(grid.jobs(), Store(out or folder), jobs, keep, check=check)
-    return _tidy(table)
+    if seeds is not None:
+        _check("seeds", seeds, 1)
+    _check("jobs", jobs, 1)
+    chosen = [_scenario(one) for one in _several("scenarios", scenarios, _Path, Scenario)]
+    grid = _compare.grid(
+        chosen, _several("rules", rules), _several("controllers", controllers), seeds
+    )
+    _try_own_parts(grid.rules, (*grid.controllers, *grid.slow))
+    study = _compare.study_of(grid)
+    with _tempfile.TemporaryDirectory() as folder:
+        return _tidy(_run_study(study, out or folder, jobs=jobs))
 
 
 def sweep(
     name: str,
     events: int | None = None,
     seed: int = 0,
-    out: str | Path | None = None,
+    out: str | _Path | None = None,
     jobs: int = 1,
-    **settings: Any,
-) -> pd.DataFrame:
-    """The table of a study over random events; `readhesion list` names studies and the settings of each.
+) -> _pd.DataFrame:
+    """The rows of a study over random events; `readhesion list studies` names them, and a file may have one.
 
-    What it states is in `table.attrs["statements"]`. `out`: as for `compare`.
+    `attrs` have what the study makes of them: "table", and "statements" where it has some, as lists of rows. `out`, `jobs`:
+    as for `compare`.
     """
-    study = find_study(name)
-    for one in settings:
-        study.kind_of(one)
-    with tempfile.TemporaryDirectory() as folder:
-        place = study_folder(out or folder, name)
-        table = study.run(place, events or study.default_events, seed, jobs, **settings)
-    stated = study.statements(table)
-    found = _tidy(table)
-    found.attrs["statements"] = stated
+    for option, value, least in (("events", events or 1, 1), ("seed", seed, 0), ("jobs", jobs, 1)):
+        _check(option, value, least)
+    study = _find_study(str(name))
+    with _tempfile.TemporaryDirectory() as folder:
+        rows = _run_study(study, out or folder, events, seed, jobs)
+    found = _tidy(rows)
+    found.attrs["table"] = study.table(rows).to_dict(orient="records")
+    if study.statements is not None:
+        table = _statement_table(study.statements(rows))
+        found.attrs["statements"] = table.to_dict(orient="records")
     return found
 
 
-def plot(run: xr.Dataset, path: str | Path | None = None) -> Any:
+def plot(run: _xr.Dataset, path: str | _Path | None = None) -> _Any:
     """The figure of a run over time (`matplotlib.figure.Figure`); with a `path` (pdf, png, svg) it is written there."""
-    from paper_figs.drawing import FIGURES, draw_run, figure_of_run
+    from paper_figs.event import course
 
-    return FIGURES[figure_of_run(run)](run) if path is None else draw_run(run, path)
+    found = course(run)
+    if path is not None:
+        found.savefig(path)
+    return found
 
 
-@xr.register_dataset_accessor("readhesion")
-class OfRun:
+def save(run: _xr.Dataset, path: str | _Path) -> None:
+    """Write a recorded run, as netCDF (.nc) or for MATLAB (.mat); raises `OSError` that names the file."""
+    _recording.save(run, _Path(path))
+
+
+def load(path: str | _Path) -> _xr.Dataset:
+    """Read a run that `save` wrote; raises `OSError` that names the file."""
+    return _recording.load(_Path(path))
+
+
+@_xr.register_dataset_accessor("readhesion")
+class _OfRun:
     """What `run.readhesion` offers: the metrics of a run and its figure."""
 
-    def __init__(self, run: xr.Dataset) -> None:
+    def __init__(self, run: _xr.Dataset) -> None:
         self._run = run
 
-    def metrics(self) -> pd.Series:
+    def metrics(self) -> _pd.Series:
         """Every metric by name."""
-        return pd.Series(evaluate(self._run), name=str(self._run.attrs["event"]))
+        return _pd.Series(evaluate(self._run), name=str(self._run.attrs["event"]))
 
-    def plot(self, path: str | Path | None = None) -> Any:
-        """As `plot`."""
+    def plot(self, path: str | _Path | None = None) -> _Any:
+        """As `readhesion.plot`."""
         return plot(self._run, path)
 
 
-def _several(given: Any) -> list[Any] | None:
-    """What one or several names, or other things, are as a list; None for None."""
-    if given is None or isinstance(given, list):
-        return given
-    alone = isinstance(given, str | Path | Scenario) or not isinstance(given, Iterable)
-    return [given] if alone else list(given)
+def _scenario(event: _Any) -> Scenario:
+    if isinstance(event, Scenario):
+        return event
+    if isinstance(event, str | _Path):
+        return load_scenario(event)
+    raise _StudyError(f"event = {event!r:.60}: give a scenario's name, its file, or a Scenario")
 
 
-def _tidy(table: pd.DataFrame) -> pd.DataFrame:
-    first = [name for name in FIRST if name in table]
-    return table[
-        [*first, *(name for name in table if name not in (*FIRST, *INTERNAL))]
-    ].reset_index(drop=True)
+def _several(option: str, given: _Any, *kinds: type) -> list[_Any]:
+    """One or several names, or things of these kinds, as a list; none for None."""
+    if given is None:
+        return []
+    several = isinstance(given, _Iterable) and not isinstance(given, (str, *kinds))
+    found = list(given) if several else [given]
+    for one in found:
+        if not isinstance(one, (str, *kinds)):
+            hint = "" if kinds else "; register a part of your own, and give its name"
+            raise _StudyError(f"{option} = {one!r:.60}: give a name{hint}")
+    return found
+
+
+def _check(option: str, value: _Any, least: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        raise _StudyError(f"{option} = {value!r:.60}: give a whole number from {least}")
+
+
+def _tidy(rows: _pd.DataFrame) -> _pd.DataFrame:
+    return rows.drop(columns=["cell", "name", "batch"]).reset_index(drop=True)
+
+
+if __name__ == "__main__":
+    from studies.cli import main
+
+    main()

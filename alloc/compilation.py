@@ -16,9 +16,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
-import llvmlite.binding as llvm
 import numba
 from numba.core.caching import Cache
 from numba.core.codegen import JITCodeLibrary
@@ -30,7 +29,7 @@ from numba.core.sigutils import normalize_signature
 from numba.core.targetconfig import TargetConfig
 from numba.extending import register_jitable
 
-from alloc.sources import cache_folder, code_hash, keep, kept, path_of, private, shipped
+from alloc.sources import cache_folder, code_hash, keep, kept, path_of, private
 
 COMPILING = (
     "readhesion: compiling the simulation, 20 seconds to a minute; later runs load what is compiled"
@@ -59,32 +58,6 @@ cast(Any, TargetConfig).__eq__ = lambda one, other: (
 cast(Any, TargetConfig).__hash__ = lambda one: hash(type(one))
 
 
-LEVELS = {
-    "x86-64-v4": ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"),
-    "x86-64-v3": ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"),
-}
-"""Levels of processors for which wheels bring machine code, best first, and what a processor of each has beside the next."""
-
-
-@lru_cache(maxsize=1)
-def levels() -> tuple[str, ...]:
-    """Those of `LEVELS` that this processor has."""
-    has = llvm.get_host_cpu_features()
-    lacking = [not all(has.get(one, False) for one in needed) for needed in LEVELS.values()]
-    return tuple(level for k, level in enumerate(LEVELS) if not any(lacking[k:]))
-
-
-class _Target(NamedTuple):
-    """What Numba compiles for where ``NUMBA_CPU_NAME`` is `level` and ``NUMBA_CPU_FEATURES`` is empty."""
-
-    triple: str
-    level: str
-
-    def magic_tuple(self) -> tuple[str, str, str]:
-        """Its part in the key of a kernel."""
-        return self.triple, self.level, ""
-
-
 class _Kernels(Cache):
     """Numba's cache of one function: for each signature, what is kept under a hash of all that decides what it does."""
 
@@ -99,15 +72,9 @@ class _Kernels(Cache):
         key = f"{self._said} {self._index_key(sig, codegen)}"
         return f"kernel-{hashlib.sha256(key.encode()).hexdigest()[:32]}"
 
-    def _content(self, sig: Any, codegen: Any) -> bytes | None:
-        """What is kept for this processor, or shipped for the best level that it has."""
-        triple = codegen.magic_tuple()[0]
-        names = (self._key(sig, _Target(triple, level)) for level in levels())
-        return kept(self._key(sig, codegen)) or next(filter(None, map(shipped, names)), None)
-
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         target_context.refresh()
-        content = self._content(sig, target_context.codegen())
+        content = kept(self._key(sig, target_context.codegen()))
         with suppress(Exception):  # nothing is kept, or what another system's library made
             found = CompileResult._rebuild(target_context, *pickle.loads(content or b""))
             # types that look alike may be others: of a named tuple Numba shows neither fields nor module
@@ -121,19 +88,19 @@ class _Kernels(Cache):
 
         The lock lies in the machine's own temporary folder, for locks on a network's folders cannot be relied on.
         """
-        if (cache_folder() / self._key(sig, codegen)).exists() or self._content(sig, codegen):
+        if (cache_folder() / self._key(sig, codegen)).exists():
             yield
             return
         _say_compiling()
-        from filelock import FileLock
-
         user = f"readhesion-{getattr(os, 'getuid', int)()}"
         name = f"{cache_folder()} {self._py_func.__module__}.{self._py_func.__qualname__}"
         file = f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.lock"
         with ExitStack() as held:
-            with suppress(OSError):  # then two may compile the same
+            with suppress(OSError, ImportError):  # then two may compile the same
+                import fcntl  # Windows has none
+
                 folder = private(Path(tempfile.gettempdir()) / user / "compiling")
-                held.enter_context(FileLock(folder / file))
+                fcntl.flock(held.enter_context((folder / file).open("a")), fcntl.LOCK_EX)
             yield
 
     def save_overload(self, sig: Any, data: Any) -> None:

@@ -6,6 +6,7 @@ person or a speed controller, is a Python object that is called once per control
 
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import xarray as xr
@@ -13,9 +14,47 @@ import xarray as xr
 from alloc.balance import check_run
 from alloc.event import MOST_AXLE_STEPS, STEP, SimulationError, check_size
 from alloc.loop import DRIVER, ClosedLoop, run_with_driver
-from alloc.onboard.speed_controller import Controls, Driver, TrainSense
 from alloc.plant.model import Floats, Model
 from alloc.recording import PlantRecord, driven_dataset
+
+
+class TrainSense(NamedTuple):
+    """What the driver reads."""
+
+    time: float
+    """[s]"""
+    position: float
+    """Of the train's front [m]."""
+    speed: float
+    """Of the foremost car [m/s]."""
+    acceleration: float
+    """Change of that speed over the last control period [m/s2]; 0 at the first."""
+    torque: Floats
+    """Torque of each motor of the units [N m], (units,)."""
+    pressure: Floats
+    """Brake cylinder pressures [Pa], (groups,)."""
+    wheel_speed: Floats
+    """Speed of each axle's tread [m/s], (axles,)."""
+
+
+class Controls(NamedTuple):
+    """What the driver sets, in place; it stays as set until changed."""
+
+    torque: Floats
+    """Torque wanted of each motor of the units [N m], (units,), negative braking."""
+    pressure: Floats
+    """Brake cylinder pressures wanted [Pa], (groups,); the plant delays them by each brake's dead time."""
+    valve: Floats
+    """Per brake group, (groups,): 0 the cylinder follows the pressure wanted, 1 it holds, 2 it releases."""
+    sand: Floats
+    """Sand that each sander lays on each rail [kg/s], (sanders,)."""
+
+
+class Driver(Protocol):
+    """A person or a speed control that drives the train."""
+
+    def __call__(self, sense: TrainSense, controls: Controls) -> bool:
+        """Set `controls` for the coming control period; False ends the run."""
 
 
 def drive(

@@ -11,6 +11,7 @@ import os
 import platform
 import shutil
 import subprocess
+import threading
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from importlib.metadata import version
@@ -56,7 +57,10 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
             "1",
             "coefficient that the driver's command needs of every acting axle, by the train's true masses",
         ),
-        "expected": ("1", "coefficient that the plan needs of every unit, as the train computes it"),
+        "expected": (
+            "1",
+            "coefficient that the plan needs of every unit, as the train computes it",
+        ),
         "reference_deviation": (
             "m s-1",
             "standard deviation of the reference speed by its estimate",
@@ -437,9 +441,7 @@ def to_dataset(
     median, most = 0.0, 0.0
     if tally.controller_times:
         median, most = map(float, np.quantile(tally.controller_times, (0.5, 0.99)))
-    blended = model.layout.groups > 0 and (
-        event.onboard.braking.blended or model.layout.units == 0
-    )
+    blended = model.layout.groups > 0 and (event.onboard.braking.blended or model.layout.units == 0)
     values["planned_coefficient"] = planned_coefficient(model, values["driver_command"], blended)
     attributes: dict[str, Any] = {
         "event": event.name,
@@ -564,6 +566,8 @@ def provenance() -> dict[str, str]:
 
 MATLAB, ATTRIBUTES = ".mat", "attributes"
 """Ending of MATLAB's files, and the variable of one that has a run's attributes."""
+_NETCDF = threading.Lock()
+"""The netCDF library keeps state of its own: two threads in it at once crash the interpreter."""
 
 
 def save(dataset: xr.Dataset, path: Path) -> None:
@@ -586,7 +590,8 @@ def save(dataset: xr.Dataset, path: Path) -> None:
 
     def write(aside: Path) -> None:
         try:
-            dataset.to_netcdf(aside, engine="netcdf4", encoding=encoding)
+            with _NETCDF:
+                dataset.to_netcdf(aside, engine="netcdf4", encoding=encoding)
         except RuntimeError:  # the library does not say that the disk is full
             if shutil.disk_usage(aside.parent).free > dataset.nbytes:
                 raise
@@ -608,7 +613,7 @@ def load(path: Path) -> xr.Dataset:
         }
         attributes = loadmat(path, variable_names=[ATTRIBUTES], simplify_cells=True)[ATTRIBUTES]
         return _dataset(stored["time"].ravel(), values, attributes)
-    with xr.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:
+    with _NETCDF, xr.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:
         run = dataset.load()
     plain = {
         key: one.item() if isinstance(one, np.generic) else one for key, one in run.attrs.items()

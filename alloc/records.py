@@ -4,17 +4,19 @@ In: dataclasses and named tuples of numbers and arrays. Out: for compiled code t
 pages the unit, meaning and source of each field.
 """
 
+import ast
 import hashlib
 import re
 from collections import namedtuple
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import field, is_dataclass
 from functools import cache, cached_property, lru_cache
-from inspect import get_annotations
+from inspect import get_annotations, getsource
+from itertools import pairwise
+from textwrap import dedent
 from typing import Any, ClassVar, NamedTuple, TypeVar, cast, get_args, get_origin
 
 import numpy as np
-from docstring_parser.attrdoc import AttributeDocstrings
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -346,10 +348,16 @@ def meanings(kind: type) -> dict[str, Meaning]:
             continue
         of_class = meant(base.__dict__.get("__doc__") or "").source
         try:
-            stated = AttributeDocstrings().get_attr_docs(base)
-        except TypeError:  # made at run time: it has no source
+            body = ast.parse(dedent(getsource(base))).body[0].body  # type: ignore[attr-defined]
+        except (TypeError, OSError):  # made at run time: it has no source
             continue
-        for name, (text, *_) in stated.items():
+        # a field, and the string that follows it
+        stated = {
+            field.target.id: said.value.value
+            for field, said in pairwise(body)
+            if isinstance(field, ast.AnnAssign) and isinstance(said, ast.Expr)
+        }
+        for name, text in stated.items():
             meaning = meant(text)
             found[name] = meaning._replace(source=meaning.source or of_class)
     return found

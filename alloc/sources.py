@@ -72,17 +72,6 @@ def keep(name: str, content: bytes) -> None:
     write_whole(cache_folder() / name, lambda aside: aside.write_bytes(content))
 
 
-SHIPPED = Path(__file__).with_name("kernels")
-"""What a wheel brings, as it was kept where the wheel was made; a clone has no such folder."""
-
-
-def shipped(name: str) -> bytes | None:
-    """Content that the wheel brings under `name`, undamaged; None where there is none."""
-    with suppress(OSError):
-        return _undamaged((SHIPPED / name).read_bytes())
-    return None
-
-
 def _undamaged(found: bytes) -> bytes | None:
     """The content of a file that was kept; None where its digest is that of another."""
     content = found[:-_DIGEST]

@@ -1,228 +1,251 @@
-"""The model on one picture: a train and its telegrams, the rail under it, and the loop of a control period."""
+"""The model in pictures: adhesion curves and their peaks, forces of a train, who tells whom what."""
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
-from alloc.plant.model import Structure, structure_of
-from alloc.plant.rail import (
-    Patch,
-    logarithmic_increments,
-    patch_factor,
-    peak_coefficient,
-    window,
-)
-from alloc.plant.sets import find_set
-from alloc.plant.train import Train
-from alloc.rules import RULES, AllocationProblem
-from paper_figs.drawing import figure
-from paper_figs.replay import MOTOR_CAR
-from paper_figs.style import (
-    BLUE,
-    BOUND,
-    DARK,
-    GREEN,
-    NOTE,
-    PAGE,
-    VERMILION,
-    Look,
-    new_figure,
-    rule_colour,
-)
+from alloc.plant.adhesion import CURVES, AdhesionCurve, PiecewiseCurve
+from alloc.plant.laws import hyperbolic_speed_law, running_resistance
+from alloc.plant.rail import SPEED_LAWS
+from alloc.plant.train import EFFORT_SPEED_STEP
+from paper_figs.style import NARROW, WIDE, Drawing
+from studies.scenario import load
 
-RULE = "exact"
-PLAN, LEVEL = 0.155, 0.172
-"""Coefficient that is planned, and that of the rail apart from its patch."""
-WET = Patch(0.72, start=-22.0, end=30.0, edge=6.0)
-"""A wet patch that the foremost car has just reached; the train's front is at 0."""
-ON_BOARD, PLANT = "#e8f0f7", "#f3f0e8"
-"""Tints of what computers do and of what physics does."""
-ARROW: Look = {
-    "arrowstyle": "-|>",
-    "mutation_scale": 7.0,
-    "shrinkA": 0.0,
-    "shrinkB": 0.0,
-    "linewidth": 0.9,
+BLUE, RED, GREEN, DARK, PALE = "#0072b2", "#d55e00", "#009e73", "#444444", "#e8f0f7"
+SLIP, COEFFICIENT = "slip velocity [m/s]", "tangential force coefficient [1]"
+
+# adhesion curves
+
+PEAK, SPEED = 0.18, 30.0 / 3.6
+"""Adhesion that every curve offers (readhesion paper, Table 2, before the drop), and the speed [m/s] at which it does."""
+LOOKS = {
+    "piecewise": ("piecewise", BLUE, "-"),
+    "polach-wet": ("Polach, wet", "#56b4e9", "--"),
+    "polach-dry": ("Polach, dry", RED, "-."),
+    "slip-ratio": ("slip ratio", GREEN, ":"),
+    "exponential-difference": ("difference of exponentials", "#7b3294", (0, (5, 1, 1, 1))),
 }
-LIMITS, REPORTS, READINGS = BLUE, VERMILION, GREEN
-"""Colours of telegrams from the leader, of those to it, and of what sensors read."""
+"""Kind of curve: words, colour, dashes."""
 
 
-def example_train() -> Train:
-    """Three motor cars and a trailer."""
-    cars = find_set("commuter-8car").cars
-    return Train("example", (cars[1], cars[0], cars[2], cars[1]))
+def level_of(curve: AdhesionCurve) -> float:
+    """Level at which the peak is `PEAK`; that of Polach's curves is the friction coefficient, above the peak."""
+    level = PEAK
+    for _ in range(20):
+        level *= PEAK / float(curve.limit(level, SPEED)[0])
+    return level
 
 
-def example_peaks(s: Structure) -> NDArray[np.float64]:
-    """Peak coefficient at every axle, (axles,)."""
-    wet = window(s.axle_offset, WET.start, WET.end, WET.edge)
-    growth = logarithmic_increments(s.axle_offset.size)
-    none = np.zeros(s.axle_offset.size)
-    return np.asarray(
-        peak_coefficient(none, none, LEVEL, patch_factor(wet, 1.0, WET.factor), growth, none, none)
-    )
-
-
-@figure("model", "the model: train and telegrams, rail and limits, the loop of a control period")
-def model() -> Figure:
-    """Top: each unit reports to the leader, the foremost unit that works, whose rule answers with limits.
-
-    Middle: the peak coefficient at every axle and the limit of every unit, where a wet patch lies under the foremost car.
-    Bottom: signals of a control period, with the numbers of the equations on the model's page.
-    """
-    train = example_train()
-    structure, _ = structure_of(train)
-    drawn = new_figure(PAGE, 5.3)
-    top, rail, loop = drawn.subplots(3, 1, height_ratios=(1.0, 0.72, 1.45))
-    length = sum(car.length for car in train.cars)
-    for axes in (top, rail):
-        axes.set_xlim(-length - 1.0, 1.0)
-    for axes in (top, loop):
-        axes.set(xticks=[], yticks=[])
-        axes.set_axis_off()
-    _train(top, train, structure)
-    _rail(rail, train, structure)
-    _loop(loop)
+def adhesion_curve() -> Figure:
+    """Parts of the piecewise curve, and all curves at equal peaks."""
+    drawn = Figure(figsize=(WIDE, 2.6), layout="constrained")
+    left, right = drawn.subplots(1, 2, sharey=True)
+    curve, end = PiecewiseCurve(), 0.2
+    top = float(curve.limit(PEAK)[1])
+    line = PEAK / curve.micro_slope - curve.micro_slope / (4.0 * curve.top_curvature)
+    tail = top + curve.macro_slope / (2.0 * curve.top_curvature)
+    looks = (("line", BLUE), ("parabola", "black"), ("exponential", RED))
+    for span, (name, colour) in zip(pairwise((0.0, line, tail, end)), looks, strict=True):
+        slip = np.linspace(*span, 200)
+        left.plot(slip, curve.coefficient(slip, PEAK), color=colour, linewidth=2.0, label=name)
+    for low, high, colour, words in (
+        (0.0, top, BLUE, "micro slip,\nstable"),
+        (top, end, RED, "macro slip,\nunstable"),
+    ):
+        left.axvspan(low, high, color=colour, alpha=0.1, linewidth=0.0)
+        left.text(0.5 * (low + high), 0.01, words, ha="center")
+    left.plot(top, PEAK, "ko")
+    left.text(top, 1.05 * PEAK, f"peak, at {top:.3f} m/s")
+    left.set(xlim=(0.0, end), ylim=(0.0, 1.2 * PEAK), xlabel=SLIP, ylabel=COEFFICIENT)
+    left.set_title("(a) parts of the piecewise curve (readhesion paper)")
+    left.legend(loc="center right")
+    slip = np.concatenate([np.linspace(0.0, 0.2, 300), np.linspace(0.2, 4.0, 300)])
+    for kind, (name, colour, dashes) in LOOKS.items():
+        law = CURVES[kind]()
+        mu = law.coefficient(slip, level_of(law), SPEED)
+        right.plot(slip, mu, color=colour, linestyle=dashes, label=name)
+        right.plot(law.limit(level_of(law), SPEED)[1], PEAK, "o", color=colour)
+    right.set(title=f"(b) equal peaks at {3.6 * SPEED:.0f} km/h", xlabel=SLIP, xlim=(0.0, 4.0))
+    right.legend(loc="lower left", bbox_to_anchor=(0.37, 0.0))
     return drawn
 
 
-def _middles(train: Train) -> list[tuple[float, int]]:
-    """Middle [m] of each car, the front at 0, and the number of its unit from 1 on, 0 for a trailer."""
-    found, front, unit = [], 0.0, 0
+def creep() -> Figure:
+    """How speed moves the peak of a creep law, and that of all curves."""
+    drawn = Figure(figsize=(WIDE, 2.6), layout="constrained")
+    left, right = drawn.subplots(1, 2)
+    curve, slip = CURVES["polach-wet"](), np.linspace(0.0, 3.0, 400)
+    level, speed = level_of(curve), np.linspace(1.0, 120.0, 200)
+    shades = {10: "#9ecae1", 30: "#56a0ce", 60: "#2171b5", 120: "#08306b"}
+    for kmh, shade in shades.items():
+        left.plot(slip, curve.coefficient(slip, level, kmh / 3.6), color=shade, label=f"{kmh} km/h")
+        most, place = curve.limit(level, kmh / 3.6)
+        left.plot(place, most, "o", color=shade)
+    left.set(title="(a) Polach, wet", xlabel=SLIP, ylabel=COEFFICIENT, xlim=(0.0, 3.0), ylim=0.0)
+    left.legend(loc="lower right")
+    for kind, (name, colour, dashes) in LOOKS.items():
+        place = CURVES[kind]().limit(level_of(CURVES[kind]()), speed / 3.6)[1]
+        place = np.broadcast_to(place, speed.shape)
+        right.plot(speed, place, color=colour, linestyle=dashes, label=name)
+    right.set(title="(b) all curves", xlabel="speed [km/h]", xlim=(0.0, 120.0), yscale="log")
+    right.set_ylabel("slip velocity of the peak [m/s]")
+    drawn.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=5)
+    return drawn
+
+
+# the train
+
+
+def traction() -> Figure:
+    """What motors, plan, adhesion and resistance are over the speed."""
+    event = load("wet-start").event()
+    train, s, speed = event.model.train, event.model.structure, np.arange(0.0, 111.0)
+    motors = np.zeros(speed.size)
     for car in train.cars:
-        unit += len(car.units())
-        found.append((front - 0.5 * car.length, unit if car.units() else 0))
-        front -= car.length
-    return found
-
-
-Place = tuple[float, float]
-
-
-def _box(axes: Axes, middle: Place, size: Place, words: str, colour: str) -> None:
-    corner = middle[0] - 0.5 * size[0], middle[1] - 0.5 * size[1]
-    axes.add_patch(
-        Rectangle(corner, *size, facecolor=colour, edgecolor=DARK, linewidth=0.7, zorder=2)
+        if car.motors is not None:
+            ratio = car.motors.gear_ratio / car.wheel_radius
+            torque = car.motors.drive.tabulate(car.wheel_radius, car.motors.gear_ratio)
+            at = EFFORT_SPEED_STEP * np.arange(torque.size)
+            motors += sum(car.driven) * ratio * np.interp(speed / 3.6, at, torque)
+    weight = s.static_load[s.axle_unit >= 0].sum()
+    plan = train.planned_acceleration * event.equipment.planned_share * weight
+    usual, wet = (
+        hyperbolic_speed_law(speed / 3.6, *SPEED_LAWS[law]) * weight
+        for law in ("curtius-kniffler", "shinkansen")
     )
-    axes.text(*middle, words, ha="center", va="center", fontsize=NOTE, linespacing=1.3, zorder=3)
+    drawn = Figure(figsize=(NARROW, 3.1), layout="constrained")
+    axes = drawn.subplots()
+    for values, dashes, colour, name in (
+        (motors, "-", "black", "all motors at the rims"),
+        (np.full(speed.size, plan), ":", DARK, "plan, 3.0 km/h/s"),
+        (usual, "-", BLUE, "adhesion, usual"),
+        (wet, "--", BLUE, "adhesion, wet"),
+        (running_resistance(speed / 3.6, *train.resistance, 1.0), "-.", RED, "running resistance"),
+    ):
+        axes.plot(speed, values / 1e3, linestyle=dashes, color=colour, label=name)
+    axes.set(xlabel="speed [km/h]", ylabel="force [kN]", xlim=(0.0, 110.0), ylim=(0.0, 430.0))
+    drawn.legend(loc="outside lower center", ncols=2)
+    return drawn
 
 
-def _arrow(axes: Axes, colour: str, *places: Place) -> None:
-    """An arrow through `places`, of which neighbours have one coordinate in common."""
-    *_, before, end = places
-    for (x0, y0), (x1, y1) in pairwise(places[:-1]):
-        axes.plot([x0, x1], [y0, y1], color=colour, linewidth=0.9, zorder=2.5)
-    axes.annotate("", end, before, arrowprops={**ARROW, "color": colour}, zorder=2.5)
+def model() -> Figure:
+    """Who tells whom what, and which forces act; below it the loop of a control period."""
+    drawn = Figure(figsize=(WIDE, 4.0), layout="constrained")
+    top, below = drawn.subplots(2, 1, height_ratios=(1.15, 1.0))
+    _train(top)
+    _loop(below)
+    for axes in (top, below):
+        axes.set_axis_off()
+    return drawn
 
 
-def _said(axes: Axes, place: Place, words: str, colour: str, **more: Any) -> None:
-    """What runs along an arrow."""
-    look: Look = {"ha": "center", "va": "bottom", "linespacing": 1.2} | more
-    axes.text(*place, words, color=colour, fontsize=NOTE, zorder=3, **look)
+def _box(axes: Axes, x: float, y: float, width: float, height: float, words: str, colour: str) -> None:  # fmt: skip
+    corner = (x - 0.5 * width, y - 0.5 * height)
+    axes.add_patch(Rectangle(corner, width, height, facecolor=colour, edgecolor=DARK))
+    axes.text(x, y, words, ha="center", va="center", linespacing=1.3)
 
 
-def _train(axes: Axes, train: Train, s: Structure) -> None:
-    axes.set_ylim(0.0, 1.2)
-    axes.set_title("(a) train and telegrams; it runs to the right")
-    axes.axhline(0.06, color=DARK, linewidth=1.5)
-    wheels = np.where(s.axle_unit >= 0, 28.0, 12.0)
-    axes.scatter(s.axle_offset, np.full(wheels.size, 0.14), s=wheels, color=DARK, zorder=1)
-    middles = _middles(train)
-    axes.plot([middles[-1][0], middles[0][0]], [0.27, 0.27], color=DARK, linewidth=2.0, zorder=1)
-    leader = middles[0][0]
-    for middle, unit in middles:
-        words = f"motor car of unit {unit}" if unit else "trailer"
-        _box(axes, (middle, 0.29), (18.6, 0.24), words, MOTOR_CAR if unit else "white")
-        said = {0: "slide protection\nof the air brake", 1: "unit 1, the leader:\nallocation rule"}
-        words = said.get(unit, f"unit {unit}:\nreadhesion controller")
-        _box(axes, (middle, 0.72), (15.5, 0.25), words, ON_BOARD)
-        _arrow(axes, DARK, (middle - 1.5, 0.595), (middle - 1.5, 0.41))
-        _arrow(axes, READINGS, (middle + 1.5, 0.41), (middle + 1.5, 0.595))
-        if unit > 1:
-            for shift, height, colour in ((-1.5, 0.95, LIMITS), (1.5, 1.09, REPORTS)):
-                ways = [(place + shift, 0.845) for place in (leader, middle)]
-                start, end = ways if colour == LIMITS else ways[::-1]
-                _arrow(axes, colour, start, (start[0], height), (end[0], height), end)
-    _said(axes, (-30.0, 0.94), "limits", LIMITS, va="top")
-    _said(axes, (-30.0, 1.1), "reports: limited by what, delivered, last slip", REPORTS)
-    _said(axes, (leader - 2.2, 0.5), "torque", DARK, ha="right", va="center")
-    _said(axes, (leader + 2.2, 0.5), "readings", READINGS, ha="left", va="center")
+def _arrow(axes: Axes, colour: str, *places: tuple[float, float]) -> None:
+    """An arrow through `places`."""
+    axes.plot(*zip(*places[:-1], strict=True), color=colour, linewidth=0.9)
+    look = {"arrowstyle": "-|>", "color": colour, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0}
+    axes.annotate("", places[-1], places[-2], arrowprops=look)
 
 
-def _rail(axes: Axes, train: Train, s: Structure) -> None:
-    peak, driven = example_peaks(s), s.axle_unit >= 0
-    cap = [float(peak[s.axle_unit == j].min()) for j in range(int(s.axle_unit.max()) + 1)]
-    limit = RULES[RULE](AllocationProblem(cap, PLAN)).limit
-    for chosen, fill, name in ((driven, DARK, "peak at driven axles"), (~driven, "white", "at others")):  # fmt: skip
-        look: Look = {
-            "color": DARK,
-            "markerfacecolor": fill,
-            "markersize": 3.5,
-            "linestyle": "none",
-        }
-        axes.plot(s.axle_offset[chosen], peak[chosen], marker="o", label=name, **look)
-    axes.axhline(PLAN, **BOUND, label="plan")
-    places = [middle for middle, unit in _middles(train) if unit]
-    axes.errorbar(
-        places, limit, xerr=9.0, fmt="none", ecolor=rule_colour(RULE), elinewidth=2.0, label=f"limit by {RULE}",
-        gid="limit",
-    )  # fmt: skip
-    axes.set(
-        ylim=(0.09, 0.2), xlabel="place from the train's front [m]", ylabel="coefficient [–]",
-        title="(b) a wet patch under the foremost car: units 2 and 3 make up for unit 1",
-    )  # fmt: skip
-    axes.legend(ncols=2, loc="lower left")
+def _train(axes: Axes) -> None:
+    """A trailer and two motor cars of the commuter train, the front at 0, and a wet patch below the front."""
+    s = load("wet-start").event().model.structure
+    axes.set(xlim=(-61.0, 9.0), ylim=(0.0, 10.0), title="(a) train, telegrams and forces")
+    for start, length, colour in ((-61.0, 70.0, "#c9ced3"), (-31.0, 40.0, BLUE)):
+        axes.add_patch(Rectangle((start, 0.9), length, 0.35, facecolor=colour))
+    axes.text(-1.0, 0.1, "a wet patch: less adhesion", color=BLUE, ha="right")
+    axes.plot([-59.0, -1.0], [2.3, 2.3], color=DARK, linewidth=2.0, zorder=0)
+    _box(axes, -10.0, 2.8, 18.6, 2.0, "trailer", "white")
+    leader = "unit 1, the leader:\nallocation rule,\nreadhesion controller"
+    for x, words in ((-30.0, leader), (-50.0, "unit 2:\nreadhesion\ncontroller")):
+        _box(axes, x, 2.8, 18.6, 2.0, "motor car", PALE)
+        _box(axes, x, 6.3, 14.0, 2.2, words, "white")
+        _arrow(axes, DARK, (x - 2.0, 5.2), (x - 2.0, 3.8))
+        _arrow(axes, GREEN, (x + 2.0, 3.8), (x + 2.0, 5.2))
+    for x, unit in zip(s.axle_offset, s.axle_unit, strict=True):
+        if x > -60.0:
+            axes.plot(x, 1.6, "o", color=DARK, markersize=6.5 if unit >= 0 else 5.0)
+        if x > -60.0 and unit >= 0:
+            _arrow(axes, RED, (x - 0.9, 0.6), (x + 0.9, 0.6))
+    _arrow(axes, DARK, (8.0, 2.8), (0.2, 2.8))
+    for x, y, words, colour in (
+        (0.6, 3.1, "resistance,\ngradient", DARK),
+        (-34.2, 0.4, "rail forces", RED),
+        (-35.5, 4.3, "torque", DARK),
+        (-27.5, 4.3, "speeds, torques", GREEN),
+        (-41.0, 8.4, "limits", BLUE),
+        (-47.0, 9.35, "reports: delivered, limited by what, last slip", RED),
+    ):
+        axes.text(x, y, words, color=colour)
+    _arrow(axes, BLUE, (-32.0, 7.4), (-32.0, 8.3), (-52.0, 8.3), (-52.0, 7.4))
+    _arrow(axes, RED, (-48.0, 7.4), (-48.0, 9.2), (-28.0, 9.2), (-28.0, 7.4))
 
 
 def _loop(axes: Axes) -> None:
-    """Boxes stand in two lanes; the signals go round clockwise."""
-    axes.set(xlim=(0.0, 100.0), ylim=(0.0, 10.0))
-    axes.set_title("(c) signals of a control period; numbers are those of the equations")
+    """Signals go round clockwise: computers above, plant below."""
+    axes.set(xlim=(0.0, 100.0), ylim=(0.0, 10.0), title="(b) a control period of 10 ms")
     for low, high, colour, words in (
-        (5.3, 9.8, ON_BOARD, "computers on board, every 10 ms"),
-        (0.2, 4.2, PLANT, "plant, in steps of 2 ms or less: the only place with true values"),
+        (5.5, 10.0, PALE, "computers on board"),
+        (0.0, 4.3, "#f3f0e8", "plant, the only place with true values"),
     ):
-        axes.add_patch(Rectangle((0.0, low), 100.0, high - low, facecolor=colour, zorder=0))
-        axes.text(1.0, high - 0.2, words, va="top", color=DARK, fontsize=NOTE)
-    places, above, below = (11.5, 37.0, 61.5, 87.0), 7.4, 1.7
-    size = 19.0, 1.9
-    on_board = (
-        "sensing: speeds,\nslip, coefficient (13)", "leader: caps,\nallocation rule (15)",
-        "unit: target torque,\nbounded rise (14)", "readhesion controller:\ntorque command",
-    )  # fmt: skip
-    plant = (
-        "car bodies, couplers,\nresistance (10)–(12)", "contact: rail and\ncurve (1)–(6)",
-        "wheelset, brake\nshoes (7), (8)", "motors (9), cylinders,\ndrives",
-    )  # fmt: skip
-    for height, lane in ((above, on_board), (below, plant)):
-        for place, text in zip(places, lane, strict=True):
-            _box(axes, (place, height), size, text, "white")
-    half = 0.5 * size[0]
-    right = [place + half for place in places]
-    left = [place - half for place in places]
-    for k, words, colour in ((0, "report", REPORTS), (1, "limit", LIMITS), (2, "target", DARK)):
-        _arrow(axes, colour, (right[k], above), (left[k + 1], above))
-        _said(axes, (0.5 * (right[k] + left[k + 1]), above + 0.15), words, colour)
-    _arrow(axes, DARK, (places[1], 9.6), (places[1], above + 0.95))
-    _said(axes, (places[1] + 1.0, 8.95), "driver's plan", DARK, ha="left", va="center")
-    ends = [(places[k], above - 0.95) for k in (0, 3)]
-    _arrow(axes, READINGS, ends[0], (places[0], 5.8), (places[3], 5.8), ends[1])
-    _said(axes, (0.5 * (places[1] + places[2]), 5.85), "slip, coefficient", READINGS)
-    _arrow(axes, READINGS, (3.5, 4.2), (3.5, above - 0.95))
-    _said(axes, (4.5, 4.75), "axle speeds, motor torques, cylinder pressures", READINGS, ha="left", va="center")  # fmt: skip
-    _arrow(axes, DARK, (right[3] - 1.5, above - 0.95), (right[3] - 1.5, below + 0.95))
-    _said(axes, (right[3] - 2.5, 4.75), "torque command", DARK, ha="right", va="center")
-    _arrow(axes, DARK, (left[3], below), (right[2], below))
-    _said(axes, (0.5 * (left[3] + right[2]), below + 0.15), "torque", DARK)
-    for k, to_left, to_right in ((1, "slip", "force"), (0, "force", "speed")):
-        middle = 0.5 * (right[k] + left[k + 1])
-        _arrow(axes, DARK, (left[k + 1], below + 0.35), (right[k], below + 0.35))
-        _said(axes, (middle, below + 0.5), to_left, DARK)
-        _arrow(axes, DARK, (right[k], below - 0.35), (left[k + 1], below - 0.35))
-        _said(axes, (middle, below - 0.5), to_right, DARK, va="top")
+        axes.add_patch(Rectangle((0.0, low), 100.0, high - low, facecolor=colour))
+        axes.text(1.0, 9.2 if low else 0.3, words, color=DARK)
+    for x, computer, part in (
+        (12.0, "sensing: slip,\ncoefficient", "car bodies,\nresistance"),
+        (37.0, "leader: caps,\nallocation rule", "contact:\nadhesion curve"),
+        (62.0, "unit: target torque\nunder its limit", "wheelsets,\nbrake shoes"),
+        (87.0, "readhesion\ncontroller", "motors,\ncylinders"),
+    ):
+        _box(axes, x, 7.2, 18.0, 2.2, computer, "white")
+        _box(axes, x, 2.6, 18.0, 2.2, part, "white")
+    for words, *places in (
+        ("report", (21.0, 7.2), (28.0, 7.2)),
+        ("limit", (46.0, 7.2), (53.0, 7.2)),
+        ("target", (71.0, 7.2), (78.0, 7.2)),
+        ("torque", (78.0, 2.6), (71.0, 2.6)),
+        ("slip", (53.0, 2.9), (46.0, 2.9)),
+        ("force", (28.0, 2.9), (21.0, 2.9)),
+    ):
+        _arrow(axes, DARK, *places)
+        axes.text(0.5 * (places[0][0] + places[1][0]), places[0][1] + 0.2, words, ha="center")
+    for words, side, x, y, start, end in (
+        ("torque command", "right", 86.0, 4.7, (87.0, 6.1), (87.0, 3.7)),
+        ("speeds, torques, pressures", "left", 13.0, 4.7, (12.0, 3.7), (12.0, 6.1)),
+        ("driver's plan", "left", 38.0, 8.9, (37.0, 9.9), (37.0, 8.3)),
+        ("force", "center", 49.5, 1.4, (46.0, 2.3), (53.0, 2.3)),
+        ("speed", "center", 24.5, 1.4, (21.0, 2.3), (28.0, 2.3)),
+    ):
+        _arrow(axes, DARK, start, end)
+        axes.text(x, y, words, ha=side)
+
+
+FIGURES = {
+    "model": Drawing(
+        model,
+        "Each unit reports to the leader, the foremost unit that works, whose allocation rule answers with limits; "
+        "below are the signals of a control period.",
+    ),
+    "adhesion-curve": Drawing(
+        adhesion_curve,
+        "Left of its peak an adhesion curve is stable, right of it a wheel under the same torque runs away; curves of "
+        "equal peak differ in where it lies and in how far they fall behind it.",
+    ),
+    "creep": Drawing(
+        creep,
+        "The slip velocity of the peak differs twentyfold between curves, and grows with speed where a curve goes by "
+        "creepage, so no fixed slip suits all rails.",
+    ),
+    "traction": Drawing(
+        traction,
+        "The motors of the commuter train exceed the adhesion of a wet rail (JP5484215 (12)) up to 85 km/h, though not "
+        "the usual one (Curtius and Kniffler); its plan needs all of it from standstill on.",
+    ),
+}

@@ -1,1 +1,7 @@
-"""Scenarios, the grid that compares rules and controllers over them, its table, and the command line."""
+"""Slip events as files and as populations, and what is asked of rules and controllers over many of them."""
+
+from alloc.errors import InputError
+
+
+class StudyError(InputError):
+    """What a user can mend: a file, an option, a part; the message is one line that names it and says what to do."""

@@ -29,23 +29,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from llvmlite.binding import get_host_cpu_name
-
-from alloc.onboard.host import CONTROLLERS
-from alloc.plant.train import Coupler
-from alloc.rules import RULES
-from paper_figs.saving import data_of
-from paper_figs.style import STYLE_FILE
-from studies.command_line.main import run as run_command
-from studies.comparison.summary import summarise, to_json
-from studies.core.job import Job, is_hosted, simulate_job
-from studies.core.statement import VERDICTS, Statement
-from studies.core.store import MEASURED
-from studies.core.study import find_study
-from studies.logs.simulated import write_log
-from studies.scenario.scenario import load_scenario, shipped_scenarios
-from studies.slides.ensemble_study import Effort
 from tests.paper_figs import small_figures
-from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.brake_tables import brake_table
 from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
@@ -66,6 +50,22 @@ from tests.studies.test_equal_effort_study import effort_table
 from tests.studies.test_information_study import information_table
 from tests.studies.test_patent_in_stops import braking_table, printed_table
 from tests.studies.test_robustness_study import robustness_table
+
+from alloc.onboard.host import CONTROLLERS
+from alloc.plant.train import Coupler
+from alloc.rules import RULES
+from paper_figs.saving import data_of
+from paper_figs.style import STYLE_FILE
+from studies.command_line.main import run as run_command
+from studies.comparison.summary import summarise, to_json
+from studies.core.job import Job, is_hosted, simulate_job
+from studies.core.statement import VERDICTS, Statement
+from studies.core.store import MEASURED
+from studies.core.study import find_study
+from studies.logs.simulated import write_log
+from studies.scenario.scenario import load_scenario, shipped_scenarios
+from studies.slides.ensemble_study import Effort
+from tests.simulation.slides import TRAIN, braked, readhering
 
 PARTS = ("studies", "runs", "figures", "reports")
 STORED = Path(__file__).with_name("results_hash.json")

@@ -24,7 +24,7 @@ from numba.core.dispatcher import Dispatcher
 
 import alloc.loop
 import mpc
-import studies.readhesion_paper.lanes
+import studies.readhesion_paper
 from alloc import compilation, sources
 from alloc.onboard import distribution, host, sensing
 from alloc.onboard.controllers.collection import BUILT_IN, control
@@ -43,7 +43,7 @@ KERNELS = [
     distribution,
     host,
     compiled,
-    studies.readhesion_paper.lanes,
+    studies.readhesion_paper,
     *SWEPT,
 ]
 
@@ -175,36 +175,6 @@ def test_an_edit_elsewhere_compiles_again_and_a_comment_does_not(kernel, variabl
     assert kernel(variable, kernel=commented, law=commented) == (7.0, False)
     assert kernel(variable, factor=[("2.0", "5.0")]) == (16.0, True)
     assert kernel(variable) == (7.0, False)
-
-
-@pytest.mark.skipif(
-    not compilation.levels(), reason="wheels bring machine code for x86-64-v3 and better"
-)
-def test_a_wheel_brings_machine_code_for_the_levels_that_a_processor_has(
-    kernel, tmp_path, monkeypatch
-):
-    """What another process compiled for a level is found; not by a processor without the level, nor once it is damaged."""
-    assert kernel() == (7.0, True)
-    level, brought = compilation.levels()[-1], tmp_path / "kernels"
-    of_wheel = {
-        "READHESION_CACHE": str(tmp_path / "wheel"), "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": "",
-        "PYTHONPATH": os.pathsep.join((str(tmp_path), str(ROOT))),
-    }  # fmt: skip
-    program = "from pack.kernel import kernel; kernel(3.0)"
-    subprocess.run([sys.executable, "-c", program], env=os.environ | of_wheel, check=True)
-    brought.mkdir()
-    for path in (tmp_path / "wheel").rglob("kernel-*"):
-        shutil.copy(path, brought)
-    monkeypatch.setattr(sources, "SHIPPED", brought)
-    shutil.rmtree(tmp_path / "cache")
-    assert kernel() == (7.0, False)
-    with monkeypatch.context() as patch:
-        patch.setattr(compilation, "levels", tuple)
-        assert kernel() == (7.0, True)
-    shutil.rmtree(tmp_path / "cache")
-    for path in brought.iterdir():
-        damage(path, np.random.default_rng(1))
-    assert kernel() == (7.0, True)
 
 
 def difference(pair):
@@ -384,7 +354,7 @@ def test_a_part_of_compiled_code_says_that_python_cannot_call_it():
 
 def test_without_compiling_commands_and_runs_say_what_to_unset():
     program = (
-        "import sys; from studies.command_line.main import run; from alloc.errors import SimulationError\n"
+        "import sys; from studies.cli import run; from alloc.errors import SimulationError\n"
         "from alloc.simulation import simulate\n"
         "try: simulate(None)\n"
         "except SimulationError as error: print(error, file=sys.stderr)\n"

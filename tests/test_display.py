@@ -16,10 +16,7 @@ from alloc.plant.sets import find_set
 from alloc.rules import RULES, AllocationProblem, optimality
 from alloc.rules.problem import CASE_B, allocation
 from alloc.simulation import CONTROLLERS
-from paper_figs.drawing import FIGURES
-from studies.core.statement import Interval, Statement
-from studies.railtoolkit.vehicles import RunningPath, sections
-from studies.scenario.scenario import load_scenario
+from studies.scenario import load as load_scenario
 
 
 @displayed
@@ -49,14 +46,10 @@ def examples():
     scenario = load_scenario("wet-patch")
     event = scenario.event()
     train = find_set("commuter-8car")
-    interval = Interval(0.98, 0.97, 0.99, 30)
-    statement = Statement("gain", "more than alone", "holds", {"effort, %": interval})
-    path = RunningPath("line", sections([(0.0, 80.0, 5.0), (900.0, 80.0, 5.0)]))
     return [
         problem, answer, optimality(problem, answer), scenario, event, event.model, event.command, event.onboard,
-        train, train.cars[0], Rail(0.2), Rail(0.2).curve, Line(), Patch(0.5), path, path.sections[0],
-        RULES["exact"], CONTROLLERS["mpc"], event.onboard.perturb_observe, FIGURES["allocation-bars"],
-        interval, statement, RULES, CONTROLLERS,
+        train, train.cars[0], Rail(0.2), Rail(0.2).curve, Line(), Patch(0.5), RULES["exact"],
+        CONTROLLERS["mpc"], event.onboard.perturb_observe, RULES, CONTROLLERS,
     ]  # fmt: skip
 
 
@@ -99,7 +92,7 @@ def test_records_stay_what_they_are():
     assert pickle.loads(pickle.dumps(first)) == first
     assert copy.copy(Shown(2.0)) == Shown(2.0) == (2.0, 1.0)
     assert repr(Shown(2.0)) == "<Plain: start 2>"
-    assert pickle.loads(pickle.dumps(Interval(1.0, 0.5, 1.5, 3))) == Interval(1.0, 0.5, 1.5, 3)
+    assert pickle.loads(pickle.dumps(Patch(0.5, 1.0))) == Patch(0.5, 1.0)
 
 
 def test_keys_of_results_see_what_is_not_shown():

@@ -11,7 +11,7 @@ import readhesion
 from alloc.metrics import METRICS
 from alloc.plant.rail import Rail
 from alloc.simulation import simulate as simulate_event
-from studies.files.study_error import StudyError
+from studies.core import StudyError
 
 
 @pytest.fixture(scope="module")

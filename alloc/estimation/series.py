@@ -1,4 +1,4 @@
-"""Series of measured values: their shape checked, cut into pieces, and the stretches in which a condition is true."""
+"""Series of measured values: their shape checked, mean rates, and the stretches in which a condition is true."""
 
 from collections.abc import Callable
 
@@ -7,27 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import EstimationError
 
-# What a long series tells by pieces of it, as well as by the whole.
-
-
 Floats = NDArray[np.float64]
-
-PIECES, PIECE = 20, 5000
-"""Number of pieces of a long series, and number of values in a piece."""
-
-
-def excerpt(values: Floats) -> Floats:
-    """The values, or of a very long series pieces of `PIECE` from all over, which tell its noise and its pattern."""
-    if values.size <= PIECES * PIECE:
-        return values
-    starts = np.linspace(0, values.size - PIECE, PIECES).astype(np.int64)
-    return np.concatenate([values[k : k + PIECE] for k in starts])
-
-
-def usual_period(time: Floats) -> float:
-    """Median time between two of two or more instants [s]."""
-    return float(np.median(np.diff(excerpt(time))))
-
 
 # Series that someone gave, as arrays of the shape that an estimation needs.
 

@@ -9,7 +9,7 @@ import xarray as xr
 from scipy.optimize import brentq, minimize_scalar
 
 from alloc.metrics import evaluate
-from alloc.metrics.least_damage import curve_of, excess_damage, least_split, sampled
+from alloc.metrics.least_damage import excess_damage
 from alloc.plant.adhesion import (
     ExponentialDifference,
     PiecewiseCurve,
@@ -20,10 +20,8 @@ from alloc.plant.adhesion import (
     SlipRatioCurve,
 )
 from alloc.simulation import simulate
-from studies.patent.headroom_study import scenario
-from studies.stops import blended_events
+from studies import headroom
 from tests.cases import looped
-from tests.studies.air_and_motors import split_anew
 
 CURVES = (
     PiecewiseCurve(), PolachCurve(), PolachByFrictionCurve(), SlipRatioCurve(), RationalCurve(steepness=9.0),
@@ -178,33 +176,10 @@ def test_it_is_nan_where_it_does_not_apply():
 
 
 def test_what_runs_slip_beyond_the_peak_is_excess_and_the_oracle_has_next_to_none():
-    event = scenario(7, 3, 6.0).event()
+    event = headroom.event(7, 3).changed(duration_s=6.0).event()
     alone, oracle = (
         evaluate(simulate(event, rule, "cut-and-ramp"))["excess_damage"]
         for rule in ("alone", "oracle")
     )
     assert alone > 0.05
     assert 0.0 <= oracle < 0.05
-
-
-def test_in_a_stop_whoever_may_share_more_dissipates_less():
-    """With motors and trailers' air; locomotive ahead, whose motors brake a small part."""
-    run = simulate(blended_events.scenario(33, 1).event(1), "cooperative", "perturb-observe")
-    found = split_anew(run)
-    # a unit's axles have one force, so they may dissipate a little more than each with its own
-    assert found["all"] < found["within"] < found["motors"] < 1.01 * found["held"]
-    assert found["held"] < found["rail"]
-    chosen, unit = sampled(run), np.arange(8)
-    axles = np.flatnonzero(run["axle_group"].values >= 0)[:8]
-    weight = run["axle_static_load"].values[axles]
-    for share in (0.02, 0.023):
-        effort = np.full(chosen.size, share * weight.sum())
-        most = np.broadcast_to(1.05 * share * weight, (chosen.size, 8))
-        free = least_split(
-            run, curve_of(run), chosen, axles, unit, np.full(most.shape, np.inf), effort
-        )
-        bound = least_split(run, curve_of(run), chosen, axles, unit, most, effort)
-        for _, split in (free, bound):
-            np.testing.assert_allclose(split.sum(axis=1), effort, rtol=1e-6)
-        assert np.all(bound[1] <= most * (1.0 + 1e-9))
-        assert bound[0].sum() > 1.01 * free[0].sum()

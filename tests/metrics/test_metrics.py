@@ -1,6 +1,5 @@
 """Every metric of the run made by hand, by plain sums over its instants, and bounds inside metrics from both sides."""
 
-import itertools
 import math
 
 import numpy as np
@@ -10,15 +9,10 @@ from alloc.errors import UnsoundRun
 from alloc.metrics import METRICS, evaluate
 from alloc.metrics.registry import record_period
 from alloc.metrics.search import (
-    Signals,
     episodes,
-    limit_cycle,
-    readhesion_possible,
     searches,
-    settled_at,
     shortage,
     unit_shares,
-    used_coefficient,
 )
 from alloc.metrics.use import JERK_CUT_OFF, LOCK_SPEED, STANDING_SPEED, jerk
 from tests.cases import looped
@@ -417,81 +411,6 @@ def test_slip_at_the_peak_itself_is_not_past_it():
     assert METRICS["detection_delay"].function(run) == 0.0
 
 
-TIME = 0.125 * np.arange(128)
-
-
-def saw(*minima):
-    """Torque that is 700 at these instants, and rises by 10 for each instant away from the nearest."""
-    return 700.0 + 10.0 * np.abs(np.arange(128)[:, None] - np.array(minima)).min(axis=1)
-
-
-def signals(torque, slip):
-    return Signals(
-        TIME,
-        torque[:, None],
-        slip[:, None],
-        np.full((128, 1), 0.05),
-        np.full((128, 1), 0.1),
-        1000.0,
-    )
-
-
-@looped(
-    ("slips", "high", "possible"),
-    [
-        ((112, 114), 0.051, True),  # in the cycle from 14 s on, which contains 14 s
-        ((112, 114), 0.05, True),  # the peak itself is macro slip
-        ((112, 114), 0.049, True),  # never macro: nothing to readhere from
-        ((104, 111), 0.051, False),  # in the cycle before
-        ((120, 122), 0.051, False),  # in the one behind
-        ((112, 119), 0.051, False),  # from its first to its last instant
-        ((112, 118), 0.051, True),
-    ],
-)
-def test_the_cycle_that_contains_the_instant_must_cross_the_peak(slips, high, possible):
-    slip = np.full(128, 0.01)
-    slip[slips[0] : slips[1] + 1] = high
-    found = readhesion_possible(signals(saw(96, 104, 112, 120), slip))
-    assert found.tolist() == [possible]
-
-
-@looped(("first", "possible"), [(47, True), (48, False)])
-def test_slip_before_the_drop_of_adhesion_is_none_to_readhere_from(first, possible):
-    slip = np.full(128, 0.01)
-    slip[first] = 0.3
-    assert readhesion_possible(signals(saw(96, 104, 112, 120), slip)).tolist() == [possible]
-
-
-def test_used_coefficient_by_hand():
-    # 0.1 at 6.0 s, 0.3 at 6.5 s, 0.2 at 7.5 s by straight lines: (0.2 x 0.5 + 0.25 x 1.0) / 1.5
-    time = np.array([5.0, 6.0, 6.5, 7.5, 9.0])
-    coefficient = np.array([9.0, 0.1, 0.3, 0.2, 9.0])
-    assert used_coefficient(time, coefficient, 6.0, 8.0) == pytest.approx(0.35 / 1.5, rel=1e-12)
-
-
-def test_limit_cycle_by_hand():
-    """Torque cycles of 10, 12, 8, 8, 8 instants; slip swings 0.5, 0.2, 0.1, 0.1, 0.1 in them."""
-    starts = (50, 60, 72, 80, 88, 96)
-    torque, slip = saw(*starts), np.full(128, 0.01)
-    for (begin, end), swing in zip(
-        itertools.pairwise(starts), (0.5, 0.2, 0.1, 0.1, 0.1), strict=True
-    ):
-        slip[begin + 1 : end - 1] += swing
-    found = limit_cycle(signals(torque, slip), 0)
-    assert found.period == pytest.approx(8 * 0.125, rel=1e-12)
-    assert found.slip_swing == pytest.approx(0.1, rel=1e-12)
-    assert found.torque_swing == pytest.approx(40.0, rel=1e-12)
-    assert (
-        found.slips_before == 3
-    )  # one ahead of the first cycle, and those of the two that are larger
-    # only what lies between the drop and the end of the search counts
-    assert limit_cycle(signals(torque, slip), 0, drop=72 * 0.125).slips_before == 1
-    until = limit_cycle(signals(torque, slip), 0, cycles=2, until=72 * 0.125)
-    assert until.period == pytest.approx(11 * 0.125, rel=1e-12)
-    assert until.slip_swing == pytest.approx(0.35, rel=1e-12)
-    assert not limit_cycle(signals(torque, slip), 0, cycles=6).exists
-
-
 def test_records_further_apart_than_half_a_second_count_one_by_one():
     coarse = {"time": 2.0 * np.arange(44)}
     run = short_run(used=course(0.10, (10, 12, 0.05), (14, 14, 0.05))).assign_coords(coarse)
@@ -534,10 +453,3 @@ def test_a_metric_outside_its_range_is_said_by_its_name(monkeypatch, value):
     monkeypatch.setitem(METRICS._parts, "held_back", odd)
     with pytest.raises(UnsoundRun, match=r"metric 'held_back' = .* is outside its range, 0 to 1"):
         evaluate(recorded())
-
-
-def test_a_course_has_settled_after_the_last_value_that_is_away():
-    time = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
-    assert settled_at(time, np.array([5.0, 1.0, 0.2, 0.0, 0.0]), 0.5) == 1.0
-    assert settled_at(time, np.array([0.0, 5.0, 0.0, 5.0, 0.0]), 0.5) == 2.0
-    assert settled_at(time, np.array([0.5, -0.5, 0.0, 0.0, 0.0]), 0.5) == 0.0

@@ -12,7 +12,7 @@ BOOKKEEPING = {"rule_calls", "rule_failures", "rule_time", "controller_failures"
                "utilisation_slipping"}  # fmt: skip
 """Metrics of the computers: their signals, telegrams and targets. The others say what rail and motors did."""
 JUDGED = [name for name in METRICS if name not in BOOKKEEPING]
-DRY = {"level": 0.4, "patches": []}
+DRY = {"level": 0.4, "patches": ()}
 
 
 @pytest.mark.parametrize("event", ["wet-patch", "wet-stop", "uneven-load"])
@@ -33,7 +33,9 @@ def test_a_rule_that_asks_for_what_the_plan_is_without_it_is_judged_as_none():
         assert both[0][name] == pytest.approx(both[1][name], rel=2e-4, abs=1e-6), name
 
 
-@pytest.mark.parametrize("rule", [name for name in readhesion.RULES if name not in ("wear-cvxpy", "qp-cvxpy")])
+@pytest.mark.parametrize(
+    "rule", [name for name in readhesion.RULES if name not in ("wear-cvxpy", "qp-cvxpy")]
+)
 def test_a_dry_run_uses_all_of_the_plan_under_every_rule(rule):
     scenario = readhesion.load_scenario("wet-start")
     dry = scenario.changed(rail=scenario.rail.model_copy(update=DRY), duration_s=5.0)
@@ -48,5 +50,7 @@ def test_the_plan_is_by_true_masses():
     run = readhesion.simulate("uneven-load", "alone", "cut-and-ramp")
     driven = run["axle_unit"].values >= 0
     mass = run.attrs["train_mass"] + run["axle_turning_mass"].values[~driven].sum()
-    wanted = np.abs(run["driver_command"].values) * mass / run["axle_static_load"].values[driven].sum()
+    wanted = (
+        np.abs(run["driver_command"].values) * mass / run["axle_static_load"].values[driven].sum()
+    )
     np.testing.assert_allclose(run["planned_coefficient"].values, wanted, rtol=1e-12)

@@ -1,13 +1,9 @@
-"""What the MPC believes of a rail whose adhesion has fallen, beside what the rail is: by curve and noise.
-
-`docs/numbers.toml` takes the table of docs/mpc.md from here; tests ask for single rails.
-"""
+"""What the MPC believes of a rail whose adhesion has fallen, beside what the rail is: by curve."""
 
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from alloc.onboard.host import TorqueDecision, UnitSense
 from alloc.onboard.parameters import Sensors
@@ -90,12 +86,3 @@ def estimates(curve: str, noise: float = 0.0) -> dict[str, float]:
         "used": float((true["coefficient"] / true["adhesion_limit"]).mean()),
         "failures": run.attrs["controller_failures"],
     }
-
-
-def measured() -> pd.DataFrame:
-    """A row of estimates per curve and noise."""
-    return pd.DataFrame(
-        {"curve": curve, "noise": noise} | estimates(curve, noise)
-        for curve in CURVES
-        for noise in (0.0, 0.02)
-    )

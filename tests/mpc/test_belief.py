@@ -20,12 +20,12 @@ from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings, PeakBelief, SlipSearch
 from mpc.slip_search import GOLDEN, USUAL_SHARE
 from mpc.unit import EXCESS, MpcController, pose, tracked_coefficient, unit_problem
-from studies.scenario.scenario import shipped_scenario
-from tests.benchmarks.peers import right_side
+from studies.scenario import load as shipped_scenario
 from tests.cases import looped
 from tests.mpc.conftest import make_unit
 from tests.mpc.drop import drop_event
 from tests.mpc.made_problems import UNLOADING, SyntheticUnit, small_cars, train_of
+from tests.mpc.peers import right_side
 
 INITIAL = MpcSettings().belief.initial
 

@@ -18,8 +18,7 @@ from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings, SlipSearch
 from mpc.train import JointProblem
 from mpc.unit import MpcController
-from studies.ladder.effects_study import scenario
-from studies.scenario.scenario import load_scenario
+from studies.scenario import load as load_scenario
 from tests.cases import looped
 from tests.mpc.drop import BACK, DROP, LOW, between, driven, drop_event, run_mpc
 from tests.mpc.estimates import CURVES, estimates
@@ -55,17 +54,6 @@ def test_it_keeps_more_effort_than_cut_and_ramp(drop_run):
     run, _ = drop_run
     classic = simulate(drop_event(), "alone", "cut-and-ramp")
     assert evaluate(run)["effort_ratio"] > evaluate(classic)["effort_ratio"]
-
-
-@looped("controller", ["mpc", "mpc-train"])
-def test_torque_does_not_make_soft_drives_swing(controller):
-    """Three starts with headroom; with the weight of stiff drives torsion is 145 % of the motors' torque."""
-    found = [
-        evaluate(simulate(scenario(5300, k, "soft torsion").event(k), "alone", controller))
-        for k in (0, 3, 5)
-    ]
-    assert np.mean([one["torsion_peak"] for one in found]) < 1.15
-    assert max(one["slip_time"] for one in found) < 2.0
 
 
 def test_a_demand_far_beyond_the_rail_costs_no_adhesion():

@@ -39,9 +39,9 @@ from mpc.model import (
 from mpc.period import RealTimeIteration, cost_of
 from mpc.settings import MpcSettings
 from mpc.solver import linearise_at
-from tests.benchmarks.peers import right_side, step_function
 from tests.cases import looped
 from tests.mpc.made_problems import cost_of_torques, model_at_guess, problem, small_cars, unit
+from tests.mpc.peers import right_side, step_function
 from tests.plant.numpy_plant import environment_at
 
 PERIOD = 0.01

@@ -11,8 +11,9 @@ from alloc.onboard.parameters import Onboard
 from alloc.records import quantity
 from alloc.simulation import simulate
 from mpc.settings import MpcError, MpcSettings, PeakBelief, SlipSearch, Weights
-from studies.files.study_error import StudyError
-from studies.scenario.scenario import Scenario, load_scenario
+from studies.core import StudyError
+from studies.scenario import Scenario
+from studies.scenario import load as load_scenario
 from tests.cases import looped
 
 KMH = 1.0 / 3.6

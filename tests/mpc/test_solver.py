@@ -35,7 +35,6 @@ from mpc.reference import OPTIONS, solve
 from mpc.settings import MpcError, MpcSettings
 from mpc.solver import step as step_of
 from mpc.unit import MpcController, OptiIteration
-from tests.benchmarks.peers import DaqpIteration
 from tests.cases import looped
 from tests.mpc.made_problems import (
     DRAWN_KINDS,
@@ -50,6 +49,7 @@ from tests.mpc.made_problems import (
     small_cars,
     violation,
 )
+from tests.mpc.peers import DaqpIteration
 
 SEEDS = range(200)
 

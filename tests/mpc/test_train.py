@@ -29,9 +29,9 @@ from mpc.train import (
     read_report,
     write_report,
 )
-from tests.benchmarks.peers import step_function
 from tests.cases import looped
 from tests.mpc.made_problems import Telegraphy, train_of
+from tests.mpc.peers import step_function
 
 HOSTED = {one.name: one for one in (MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL)}
 

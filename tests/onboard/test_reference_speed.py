@@ -10,25 +10,30 @@ import numpy as np
 import pytest
 
 from alloc.errors import OnboardError
+from alloc.estimation.series import spans
 from alloc.metrics import evaluate
 from alloc.metrics.search import shortage, unit_shares
+from alloc.metrics.use import LOCK_SPEED, STANDING_SPEED, locked_time
+from alloc.onboard.brakes import SlideProtection
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import (
     COMPARED,
     Belief,
+    Braking,
     Onboard,
     ReferenceSpeed,
     Sensors,
     TorqueRelief,
 )
-from alloc.plant.adhesion import SlipRatioCurve
-from alloc.plant.model import build
-from alloc.plant.rail import Patch, Rail
+from alloc.plant.adhesion import POLACH_WET, SlipRatioCurve
+from alloc.plant.laws import GRAVITY, gradient_force
+from alloc.plant.model import build, level_for
+from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, DraftGear
 from alloc.simulation import DriverCommand, Event, simulate
-from studies.ladder.events import scenario
-from studies.stops.wsp_acceptance_study import discs, gripping, measured, stop_of, stopped_run
+from studies import ladder as drawn
+from studies.jp4209318 import train as slide_train
 
 SEED = 50
 """Of ladder events."""
@@ -55,19 +60,50 @@ def honest(run):
 
 @cache
 def ladder(k, source="estimate", noise=None):
-    event = scenario(SEED, k).event(0)
+    event = drawn.event(SEED, k).event(0)
     onboard = replace(event.onboard, reference=SOURCES[source])
     if noise is not None:
         onboard = replace(onboard, sensors=replace(onboard.sensors, speed_noise=noise))
     return simulate(replace(event, onboard=onboard), "alone", "perturb-observe")
 
 
+SPEED, CYCLE, STANDSTILL = 20.0, 0.02, 0.05
+"""Of stops: initial speed [m/s], period of the computers and of the record [s], speed at which a train stands [m/s]."""
+CURVES = {"polach": POLACH_WET, "slip-ratio": SlipRatioCurve()}
+
+
 @cache
 def stop(curve, level, source="estimate", grip=1.0, rolling=3.0, grade=0.0):
-    asked = stop_of(gripping(discs(1), grip), curve, level, 20.0, grade, rolling=rolling)
-    asked = asked.under(SOURCES[source])
-    run = stopped_run(asked.event)
-    return run, measured(run, asked)
+    """A full application on one car of JP4209318: its run, and the stop in numbers, for level track.
+
+    `level`: adhesion at 15 m/s; `grip`: friction of the brakes over the believed one; `rolling`: time before it [s].
+    """
+    train = slide_train(1)
+    car = train.cars[0]
+    car = replace(car, air_brake=replace(car.air_brake, friction_factor=grip))
+    train = replace(train, cars=(car,))
+    slowing = gradient_force(train.mass, grade) / (train.mass + train.rotating_mass)
+    start, way = SPEED + slowing * rolling, (SPEED + 0.5 * slowing * rolling) * rolling
+    rail = Rail(level_for(CURVES[curve], level, 15.0, train), curve=CURVES[curve])
+    protection = SlideProtection(law="fuzzy", period=CYCLE)
+    braking = Braking(slide_protection=protection, release_speed=0.0)
+    event = Event(
+        "stop", build(train, rail, Line(grades=(grade,)), span=(-way, 4e3)),
+        DriverCommand((rolling,), (-3.0,)),
+        Onboard(period=CYCLE, rise_time=CYCLE, braking=braking, reference=SOURCES[source]),
+        duration=240.0, initial_speed=start, initial_position=-way, record_period=CYCLE, target_speed=0.0,
+    )  # fmt: skip
+    run = simulate(event, "alone", "none", until_speed=STANDSTILL)
+    braked = run.isel(time=slice(int(np.argmax(run["driver_command"].values < 0.0)), None))
+    speed, way = braked["speed"].values, np.ptp(braked["position"].values)
+    standing = np.abs(braked["rim_speed"].values) < STANDING_SPEED
+    locked = standing & (speed > LOCK_SPEED)[:, None]
+    return run, {
+        "stopped": bool(speed[-1] <= STANDSTILL),
+        "adhesion_used": speed[0] ** 2 / (2.0 * way * GRAVITY * level),
+        "locked_axle_s": locked_time(braked),
+        "longest_lock_s": CYCLE * max(np.ptp(one) for a in locked.T for one in [*spans(a), (0, 0)]),
+    }
 
 
 def used_share(run):

@@ -24,9 +24,8 @@ from alloc.plant.train import (
     TorqueLimit,
     Train,
 )
-from studies.brake_force.measurement import LEVER_RATIO, RIGGING, STANDSTILL_FRICTION
-from studies.scenario.train_file import read_train_file
-from studies.slides.jp4209318 import slide_train
+from studies.jp4209318 import train as slide_train
+from studies.trains import read_train
 from tests.cases import looped
 from tests.plant.conftest import FLAT, make_car
 
@@ -160,8 +159,8 @@ def test_every_file_beside_the_registry_is_a_set_under_its_own_name():
     files = sorted(Path(sets.__file__).parent.glob("*.toml"))
     assert {path.stem for path in files} == set(SETS.shipped())
     for path in files:
-        assert read_train_file(str(path)) == find_set(path.stem)
-        assert read_train_file(str(path)).sources == find_set(path.stem).sources
+        assert read_train(str(path)) == find_set(path.stem)
+        assert read_train(str(path)).sources == find_set(path.stem).sources
 
 
 @looped("cars", [1, 2, 3])

@@ -17,7 +17,7 @@ from alloc.rules.problem import CASE_A, CASE_B, CASES
 from alloc.rules.rule import LAW, TRIGGERS, Caps, Trigger, Units, law_at, units_of
 from alloc.rules.testing import EXPECTED, laws_of_rule, problems
 from alloc.simulation import simulate
-from studies.scenario.scenario import load_scenario
+from studies.scenario import load as load_scenario
 from tests.cases import looped
 from tests.rules.references import redistributed
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from alloc.rules import RULES, find_rule
 from alloc.simulation import simulate
-from studies.scenario.scenario import load_scenario
+from studies.scenario import load as load_scenario
 from tests.rules.references import random_problem
 
 THREADS = 8

@@ -12,8 +12,8 @@ from alloc.rules.rule import Units
 from alloc.rules.testing import EXPECTED, problems
 from alloc.rules.wear import in_shares, wear_law
 from alloc.simulation import simulate
-from studies.ladder import broad_study
-from studies.scenario.scenario import load_scenario
+from studies import broad
+from studies.scenario import load as load_scenario
 from tests.cases import looped
 
 FORMS = ("wear", "wear-qp", "wear-cvxpy")
@@ -172,7 +172,7 @@ def test_where_others_can_make_up_the_same_effort_costs_no_more(controller, most
 def test_where_the_rail_comes_back_no_unit_stays_at_what_it_found_before():
     """Starts on rail that falls and recovers, with noise and slow motors, on which `wear` had lost 4 to 14 points."""
     for k in (34, 38, 46):
-        event = broad_study.scenario(3300, k).event(k)
+        event = broad.event(3300, k).event(k)
         wear, alone = (
             evaluate(simulate(event, rule, "perturb-observe"))["bound_use"]
             for rule in ("wear", "alone")

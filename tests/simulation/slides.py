@@ -11,7 +11,7 @@ from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, Train
-from studies.slides.jp4209318 import slide_train
+from studies.jp4209318 import train as slide_train
 
 START = 100.0 / 3.6
 TRAIN = slide_train(3, shoe_force_share=0.14)
@@ -72,3 +72,12 @@ def omega(run: xr.Dataset, train: Train = TRAIN) -> np.ndarray:
     """Angular speeds [rad/s], (instants, axles)."""
     radius = np.concatenate([[car.wheel_radius] * len(car.axle_positions) for car in train.cars])
     return np.asarray(run["rim_speed"].values / radius)
+
+
+def applied_force(run: xr.Dataset, train: Train = TRAIN) -> np.ndarray:
+    """Force of motors and shoes at the rims [N], (instants, axles)."""
+    radius = np.concatenate([[car.wheel_radius] * len(car.axle_positions) for car in train.cars])
+    unit = run["axle_unit"].values
+    motor = np.zeros(run["rail_force"].shape)
+    motor[:, unit >= 0] = (run["motor_torque"].values * run["unit_gear"].values)[:, unit[unit >= 0]]
+    return np.asarray(motor / radius - run["brake_force"].values)

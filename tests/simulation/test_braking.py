@@ -21,15 +21,9 @@ from alloc.plant.sets import find_set
 from alloc.plant.train import Sander
 from alloc.rules import RULES
 from alloc.simulation import simulate
-from studies.scenario.scenario import load_scenario
-from studies.slides.jp4209318 import CALIBRATED, slide_train
-from studies.stops.sander_trial import (
-    FIXED_RATE,
-    GREATEST_RATE,
-    VARIABLE_AMOUNT,
-    coupled_units,
-    sanded,
-)
+from studies.jp4209318 import CALIBRATED
+from studies.jp4209318 import train as slide_train
+from studies.scenario import load as load_scenario
 from tests.cases import looped
 
 SPEED = 20.0
@@ -382,16 +376,39 @@ def test_air_holds_no_wheel_in_a_slide_that_no_cut_of_torque_ends(controller, ta
 RECORD = 0.01
 
 
+FIXED_RATE, GREATEST_RATE, VARIABLE_AMOUNT = 2.0 / 60.0, 6.0 / 60.0, 4.5e-3
+
+
+"""Of sanders, per rail: fixed and greatest rate [kg/s], and the amount that a variable one keeps to [kg/m]."""
+
+
 SLIPPERY = Patch(0.2, begin=2.0, until=5.0, fade=0.1)
 
 
 """Three seconds on which wheels slide; before and after all is carried."""
 
 
+def one_unit():
+    """Half of the British train, with a sander of fixed rate at its third axle."""
+    both = find_set("gb-unit-8car")
+    a, b, c = both.resistance
+    return replace(both, cars=both.cars[:4], resistance=(0.5 * a, 0.5 * b, 0.5 * c))
+
+
+def sanded(train, sanders):
+    """The train with these sanders alone, by the number of their axle in the train (0 = foremost)."""
+    cars, first = [], 0
+    for car in train.cars:
+        axles = range(first, first + len(car.axle_positions))
+        own = tuple(replace(sanders[i], axle=i - first) for i in axles if i in sanders)
+        cars.append(replace(car, sanders=own))
+        first = axles.stop
+    return replace(train, cars=tuple(cars))
+
+
 def run(sanding=None, *, sanders=None, speed=20.0, patches=(SLIPPERY,), duration=12.0, shares=None):
     """One unit brakes from `speed` [m/s] on dry rail with slippery spells."""
-    train = coupled_units(1)
-    train = train if sanders is None else sanded(train, sanders)
+    train = one_unit() if sanders is None else sanded(one_unit(), sanders)
     onboard = Onboard(
         sanding=sanding or Sanding(),
         braking=Braking(car_shares=shares),

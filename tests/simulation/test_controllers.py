@@ -1,4 +1,4 @@
-"""Readhesion controllers on the plant: their collection, the laws that all keep, what each holds, lanes of the table."""
+"""Readhesion controllers on the plant: their collection, the laws that all keep, what each holds."""
 
 import importlib
 import json
@@ -19,7 +19,6 @@ from alloc.onboard import controllers
 from alloc.onboard.controllers.base import BuiltInController
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.controllers.creep import CreepControl
-from alloc.onboard.controllers.simple import TorqueTable
 from alloc.onboard.host import (
     CONTROLLERS,
     STEP,
@@ -30,21 +29,16 @@ from alloc.onboard.host import (
     each_unit,
 )
 from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sensors, TorqueRelief
-from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve
+from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build
-from alloc.plant.operations import WIDTH
-from alloc.plant.rail import Line, Patch, Rail
-from alloc.plant.sets import find_set
+from alloc.plant.rail import Rail
 from alloc.plant.train import Motors, TorqueLimit
 from alloc.records import ByReference, address_of, stored_at
 from alloc.rules.testing import BrokenLaw, check
 from alloc.simulation import simulate
 from alloc.testing import CONTROLLER_LAWS, check_controller
-from studies.core.drawn_events import START_SPEED as REFERENCE_SPEED
-from studies.core.drawn_events import rail_offering
-from studies.ladder.mismatch_study import RAILS
-from studies.readhesion_paper.lanes import simulate_tables
-from studies.scenario.scenario import load_scenario
+from studies.events import offering
+from studies.scenario import load as load_scenario
 from tests.cases import looped
 
 
@@ -266,7 +260,7 @@ def start():
     train = base.event().model.train
 
     def event(curve):
-        offered = rail_offering(RAILS[curve], OFFERED, REFERENCE_SPEED, train)
+        offered = offering({"kind": curve}, OFFERED, train)
         rail = {**offered, "increments": {"law": "none"}}
         changed = base.changed(
             case=None, variation=None, duration_s=3.0, target_speed_kmh=None, rail=rail,
@@ -282,13 +276,13 @@ def test_where_the_plan_needs_more_slip_than_a_controller_allows_it_cuts_though_
 ):
     # the peak at 1.2 m/s: what limits slip by itself must stop far below it
     for controller in ("pi-creep", "perturb-observe"):
-        run = simulate(start("double exponential"), "alone", controller)
+        run = simulate(start("exponential-difference"), "alone", controller)
         assert run["torque_factor"].values.min() < 0.5
         assert float((np.abs(run["slip_velocity"]) / run["peak_slip"]).max()) < 1.0
 
 
 def test_the_mpc_seeks_the_slip_that_a_wide_peak_needs(start):
-    run = simulate(start("double exponential"), "alone", "mpc")
+    run = simulate(start("exponential-difference"), "alone", "mpc")
     factor = run["torque_factor"].values[run["time"].values >= 1.0]
     assert factor.min() > 0.85
 
@@ -447,92 +441,3 @@ def test_a_run_that_was_interrupted_leaves_nothing_behind(make_event):
         simulate(event, "alone", BOTH[1], stop)
     again = simulate(event, "alone", BOTH[1])
     np.testing.assert_array_equal(again["torque_command"].values, whole["torque_command"].values)
-
-
-COMMAND = DriverCommand((0.5,), (3.0 / 3.6,))
-
-
-PERIOD, END = 2e-4, 6.0
-
-
-GRADES = (0.0, -0.02, 0.01)
-
-
-TABLES = (TorqueTable(), TorqueTable(width=0.8 / 3.6), TorqueTable(margin=0.0, rise=1.0, fall=0.1))
-
-
-def low_rail(low: float) -> Rail:
-    """Adhesion falls in the third second, when the torque is half up."""
-    return Rail(0.18, patches=(Patch(low / 0.18, begin=2.0, fade=0.02),))
-
-
-@pytest.fixture(scope="module")
-def one_axle():
-    return find_set("one-axle")
-
-
-@pytest.fixture(scope="module")
-def rails():
-    return [low_rail(low) for low in (0.08, 0.06, 0.07)]
-
-
-@pytest.fixture(scope="module")
-def lanes(one_axle, rails):
-    return simulate_tables(one_axle, rails, TABLES, COMMAND, 0.0, END, PERIOD, grades=GRADES)
-
-
-@looped("lane", range(len(TABLES)))
-def test_a_lane_is_a_run(one_axle, rails, lanes, lane):
-    # who knows the speed takes no torque to learn it
-    known = ReferenceSpeed(source="truth")
-    onboard = Onboard(period=PERIOD, rise_time=PERIOD, table=TABLES[lane], reference=known)
-    model = build(one_axle, rails[lane], Line(grades=GRADES[lane : lane + 1]))
-    event = Event("lane", model, COMMAND, onboard, END, step=PERIOD, record_period=1e-3)
-    run = simulate(event, "alone", "table")
-    assert run["slip_velocity"].values.max() > 2.0 * run["peak_slip"].values.min(), "must slip"
-    for name, values, scale in (
-        ("slip_velocity", lanes.slip, 1.0),
-        ("coefficient", lanes.coefficient, 0.1),
-        ("motor_torque", lanes.torque, lanes.plan),
-        ("torque_command", lanes.command, lanes.plan),
-        ("torque_factor", lanes.factor, 1.0),
-        ("adhesion_limit", lanes.peak, 0.1),
-        ("peak_slip", lanes.peak_slip, 0.1),
-    ):
-        np.testing.assert_allclose(
-            values[:, lane], run[name].values[:, 0], rtol=0.0, atol=1e-9 * scale, err_msg=name
-        )
-    np.testing.assert_allclose(lanes.speed[:, lane], run["speed"].values, atol=1e-9)
-    np.testing.assert_allclose(lanes.time, run["time"].values, atol=1e-9)
-
-
-def test_a_lane_does_not_depend_on_its_company(one_axle, rails, lanes):
-    many = WIDTH + 2
-    crowd = simulate_tables(
-        one_axle, [rails[0]] * many, [TABLES[0]] * many, COMMAND, 0.0, 3.0, PERIOD
-    )
-    alone = lanes.slip[: crowd.time.size, 0]
-    for lane in (0, WIDTH - 1, many - 1):
-        np.testing.assert_allclose(crowd.slip[:, lane], alone, rtol=0.0, atol=1e-9)
-
-
-@looped(
-    ("name", "rails", "tables", "command", "said"),
-    [
-        ("one-axle", 2, 1, COMMAND, "2 rails and 1 tables"),
-        ("one-axle", 0, 0, COMMAND, "at least one"),
-        ("commuter-8car", 1, 1, COMMAND, "only one unit of one axle"),
-        ("one-axle", 1, 1, DriverCommand((0.0,), (-0.5,)), "drive only"),
-    ],
-)
-def test_what_does_not_fit_is_refused(name, rails, tables, command, said):
-    with pytest.raises(SimulationError, match=said):
-        simulate_tables(
-            find_set(name), [low_rail(0.1)] * rails, [TABLES[0]] * tables, command, 0.0, 0.1, PERIOD
-        )
-
-
-def test_lanes_share_one_curve(one_axle):
-    others = [low_rail(0.1), Rail(0.18, curve=PiecewiseCurve(residual_ratio=0.5))]
-    with pytest.raises(SimulationError, match="same adhesion curve"):
-        simulate_tables(one_axle, others, TABLES[:2], COMMAND, 0.0, 0.1, PERIOD)

@@ -27,7 +27,8 @@ from alloc.recording import (
 from alloc.rules import AllocationProblem, Rule, find_rule
 from alloc.rules.problem import Allocation
 from alloc.simulation import DriverCommand, simulate
-from studies.scenario.scenario import Scenario, load_scenario
+from studies.scenario import Scenario
+from studies.scenario import load as load_scenario
 from tests.cases import looped
 
 

@@ -8,11 +8,16 @@ import pytest
 
 from alloc.compilation import jit
 from alloc.errors import OnboardError
-from alloc.estimation.increments import learnt_in
 from alloc.metrics import evaluate
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
-from alloc.onboard.increment_learning import IncrementLearning, gaussian_posterior, running_mean
+from alloc.onboard.increment_learning import (
+    IncrementLearning,
+    Increments,
+    LearntIncrements,
+    gaussian_posterior,
+    running_mean,
+)
 from alloc.onboard.parameters import Belief, Onboard, Telegrams
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail, logarithmic_increments
@@ -20,7 +25,8 @@ from alloc.plant.sets import find_set
 from alloc.recording import VARIABLES
 from alloc.rules import RULES, Caps, Rule, Trigger
 from alloc.simulation import DriverCommand, Event, simulate
-from studies.scenario.scenario import default_scenarios, load_scenario, shipped_scenario
+from studies.scenario import default_scenarios
+from studies.scenario import load as load_scenario
 from tests.cases import looped
 
 DRIVING = [s.name for s in default_scenarios() if s.command[-1].acceleration_kmhs > 0.0]
@@ -298,7 +304,7 @@ def test_every_inverter_group_redistributes(group):
 
 def wet_start(learning=None, failures=(), loss=0.0, trigger="slip"):
     """A start on rail that is wet from end to end; the foremost unit may fail."""
-    base = shipped_scenario("wet-start")
+    base = load_scenario("wet-start")
     rail = base.rail.model_dump() | {"level": 0.125, "scatter": 0.0085}
     event = base.changed(
         rail=rail, variation=None, duration_s=8.0, failures=failures,
@@ -314,6 +320,12 @@ def data_of(run):
     number = run["increment_data"].values
     instant, unit = np.nonzero(np.diff(number, axis=0, prepend=0.0))
     return list(zip(instant, unit, run["increment_datum"].values[instant, unit], strict=True))
+
+
+def learnt_in(run):
+    """What the train has learnt by the end of a run."""
+    learnt = (tuple(run[f"learnt_{name}"].values.tolist()) for name in Increments._fields)
+    return LearntIncrements(*learnt)
 
 
 def onsets(run):

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
-from alloc.errors import EstimationError
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
 from alloc.plant.laws import GRAVITY
 from alloc.plant.sets import find_set
-from studies.logs.measured_run import applied_force
 from tests.cases import looped
 from tests.simulation.slides import (
     START,
     TRAIN,
+    applied_force,
     braked,
     driven,
     omega,
@@ -179,15 +178,6 @@ def test_damage_from_the_series_is_the_plants_friction_work(make, name, bound):
     np.testing.assert_allclose(damage, work, atol=bound * work[-1].max())
     assert damage[-1].sum() == pytest.approx(work[-1].sum(), rel=bound)
     assert work[-1].sum() > 1e4
-
-
-def test_a_recorded_shoe_force_is_taken_as_it_is():
-    run = braked(readhering, duration=5.0)
-    law = applied_force(run, TRAIN)
-    recorded = run.assign(brake_force=(("time", "axle"), -law))
-    np.testing.assert_array_equal(applied_force(recorded, TRAIN), law)
-    with pytest.raises(EstimationError, match="run of 12 axles: train 'commuter-8car' has 32"):
-        applied_force(run, find_set("commuter-8car"))
 
 
 def test_without_slide_there_is_hardly_any_damage():

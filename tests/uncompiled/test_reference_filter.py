@@ -26,7 +26,7 @@ from alloc.plant.laws import GRAVITY, coupler_stretch
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
-from studies.slides.jp4209318 import slide_train
+from studies.jp4209318 import train as slide_train
 from tests.cases import looped
 from tests.onboard.uneven import uneven_train
 

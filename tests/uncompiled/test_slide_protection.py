@@ -11,7 +11,7 @@ from alloc.onboard.parameters import Braking, Onboard
 from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
-from studies.slides.jp4209318 import slide_train
+from studies.jp4209318 import train as slide_train
 
 SPEED, CYCLE = 20.0, 0.02
 SUPPLY, HOLD, RELEASE = 0, 1, 2

@@ -1,0 +1,106 @@
+"""Figures of JP H07-322414: air resistance in the open and in a tunnel, and what a tunnel and a climb do to a train.
+
+The source draws Figs. 9 and 10 for a speed control without compensation. Here they have compensation too, for the
+commuter train of the study `resistance`, half loaded, under PI control and without noise.
+"""
+
+from functools import cache
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from paper_figs.style import NARROW, Drawing
+from studies.jph07322414 import Route, drive_case, route
+
+LOOKS = {
+    "feedback": ("feedback alone", "0.35", "-"),
+    "compensation": ("compensated at a point", "#d55e00", "--"),
+    "cars": ("car by car", "#0072b2", "-"),
+}
+"""Cases of the study: words, colour, and line."""
+
+
+@cache
+def commuter() -> Route:
+    """Air resistance twice as high in the tunnel, 20 per mille, 18 m/s."""
+    return route("commuter", tunnel_factor=2.0, load=0.5, gradient=0.02, cruise=18.0)
+
+
+@cache
+def driven(case: str) -> xr.Dataset:
+    """A run without noise."""
+    return drive_case(commuter(), case, integral=True, wrong=np.ones(3))
+
+
+def air_resistance() -> Figure:
+    """Fig. 3."""
+    drawn = Figure(figsize=(NARROW, 2.2), layout="constrained")
+    axes = drawn.subplots()
+    speed = np.linspace(0.0, 72.0, 100)
+    of = route("high-speed", tunnel_factor=2.0, load=0.5, gradient=0.0, cruise=70.0)
+    looks = (("open, $K_1 V^2$", "#0072b2"), ("tunnel, $K_2 V^2$", "#d55e00"))
+    for coefficient, (words, colour) in zip(of.weights(2), looks, strict=True):
+        axes.plot(3.6 * speed, coefficient * speed**2 / 1e3, color=colour, label=words)
+    axes.set(
+        xlabel="speed [km/h]", ylabel="air resistance [kN]", xlim=(0.0, None), ylim=(0.0, None)
+    )
+    axes.legend()
+    return drawn
+
+
+def passed(what: str, start: float, end: float, coefficient: str, values: list[float]) -> Figure:
+    """Acceleration, speed, and a coefficient with its `values` before and between `start` and `end` [m] of `what`."""
+    drawn = Figure(figsize=(NARROW, 3.8), layout="constrained")
+    panels = drawn.subplots(3, 1, sharex=True, height_ratios=(3, 3, 1.2))
+    first, length, last = -150.0, end - start, end - start + 450.0
+    for case, (words, colour, line) in LOOKS.items():
+        run = driven(case)
+        x = run["position"].values - start
+        w = (x > first) & (x < last)
+        off = 3.6 * (run["speed"] - run["commanded_speed"]).values
+        panels[0].plot(x[w], run["acceleration"].values[w], line, color=colour, label=words)
+        panels[1].plot(x[w], off[w], line, color=colour)
+    panels[2].step([first, 0.0, length, last], [values[0], *values, values[0]], "0.2")
+    for axes in panels:
+        axes.axvspan(0.0, length, color="0.93", lw=0)
+    panels[0].set_ylabel("acceleration [m/s²]")
+    panels[1].set_ylabel("speed off command\n[km/h]")
+    panels[2].set(ylabel=coefficient, ylim=(0.0, 1.15 * values[1]))
+    panels[2].set_xlabel(f"front beyond the start of the {what} [m]")
+    drawn.align_ylabels()
+    drawn.legend(loc="outside upper right", ncols=3, columnspacing=1.0)
+    return drawn
+
+
+def tunnel() -> Figure:
+    """Fig. 9."""
+    of = commuter()
+    return passed("tunnel", *of.line.tunnels[0], "$K_1, K_2$\n[kg/m]", of.weights(2).tolist())
+
+
+def climb() -> Figure:
+    """Fig. 10."""
+    line = commuter().line
+    sine = line.grades[1] / float(np.hypot(1.0, line.grades[1]))  # (1)
+    start, end = line.stations[1:3]
+    return passed("climb", start, end, "sin θ [1]", [0.0, sine])
+
+
+FIGURES = {
+    "resistance-air": Drawing(
+        air_resistance,
+        "Air resistance of the high-speed train over its speed, in the open and in a tunnel with twice the coefficient.",
+        source="jph07322414",
+    ),
+    "resistance-tunnel": Drawing(
+        tunnel,
+        "A train of 160 m passes a tunnel (grey: its front is inside): acceleration, speed, and the coefficient.",
+        source="jph07322414",
+    ),
+    "resistance-climb": Drawing(
+        climb,
+        "The same past a climb of 20 per mille (grey: the front is on it).",
+        source="jph07322414",
+    ),
+}

@@ -1,0 +1,281 @@
+"""Claim 3 and effect (3) of JP5484215: redistribution in drawn blended stops of multiple units, and its equations there.
+
+Motors brake first, the line takes up part of it, the air brake fills (embodiment 3, Figs. 15 and 16). Every layer of the
+patent and its prior art meet the same stops.
+"""
+
+from collections.abc import Iterable
+from functools import cache, partial
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from alloc.plant.laws import GRAVITY
+from alloc.plant.model import structure_of
+from alloc.plant.train import Train
+from alloc.rules import RULES
+from paper_figs.style import WIDE
+from studies import claims
+from studies import events as e
+from studies.claims import CONTROLLERS, CORRECTED, LAYERS, PRINTED
+from studies.core import Cell, Study
+from studies.runs import cell, complete, paired, recorded, run
+from studies.scenario import Scenario, load
+from studies.statistics import Claim, Statement, judge
+
+COMPARED = ("alone", *claims.PRIOR_ART, *LAYERS)
+AS_PRINTED: dict[str, e.Keys] = claims.AS_PRINTED | {
+    # the torque that decelerates the wheelsets counts as force of the rail
+    "(18) without inertia": {"braking": {"inertia_in_estimate": False}},
+    # the air brake's force lags behind its command
+    "(18) with the command": {"braking": {"air_force": "command"}},
+}
+"""Deviation of the equipment that is taken back -> its keys."""
+
+# the stops: all that is drawn is assumed
+
+ROLLING, DURATION = 3.0, 17.0
+"""Time before the brakes, in which the train learns the gradient, and length [s]: fast trains still brake then."""
+REFERENCE_SPEED, LEAST_LEVEL = 15.0, 0.02
+"""Speed [m/s] at which a rail of any curve offers the drawn coefficient; the least one."""
+SLOPE = 0.0083 / 0.07
+"""Growth along the train over the coefficient: (15), in proportion."""
+
+
+class Kind(NamedTuple):
+    """A train, and the stops that are usual for it."""
+
+    keys: e.Keys
+    most_load: float
+    """Of a car [t]."""
+    speed: tuple[float, float]
+    """[km/h]"""
+    asked: tuple[float, float]
+    """Deceleration of a service stop and of an emergency stop [km/h/s]."""
+
+
+_COMMUTER = (12.0, (30.0, 120.0), (2.0, 4.0))
+TRAINS = {
+    "inverter per car": Kind({"train": "commuter-8car"}, *_COMMUTER),
+    "sixteen cars": Kind({"train": "high-speed-16car"}, 6.0, (40.0, 240.0), (1.6, 2.8)),
+    "inverter per axle": Kind({"train": "commuter-8car", "inverter_group": "1C1M"}, *_COMMUTER),
+}
+CURVES = ("piecewise", "polach-wet", "slip-ratio", "rational", "polach-dry", "polach-by-friction",
+          "exponential-difference")  # fmt: skip
+"""Every kind that ships; trains believe in the first."""
+
+
+def draw(seed: int, k: int) -> e.Keys:
+    """What is drawn for stop `k`; trains and curves take turns."""
+    number = (
+        6 * (k // 3) + (0, 2, 3)[k % 3]
+    )  # of a list in which hauled trains have their turns too
+    g = e.Draw(seed, number, 19)
+    return {
+        "number": number,
+        "train": list(TRAINS)[k % 3],
+        "curve": CURVES[number % 7],
+        "residual_ratio": g.uniform(0.3, 0.98),  # steep to flat behind the peak
+        "peak_slip": g.log_uniform(0.15, 0.8),
+        "peak_slip_ratio": g.log_uniform(0.01, 0.1),
+        "steepness": g.log_uniform(8.0, 20.0),
+        "load": g.uniform(0.0, 1.0),  # of the greatest
+        "speed": g.uniform(0.0, 1.0),  # of the way from the least to the greatest
+        "end_kmh": g.sometimes(0.4, 20.0, 35.0, 0.0),  # the end of a stop: the electric brake fades
+        "deceleration": g.uniform(0.0, 1.0),  # of the way from a service to an emergency stop
+        "share": g.uniform(0.4, 1.1),  # of the coefficient that the command needs: most slide
+        "growth": g.uniform(0.0, 1.2),  # of the believed growth along the train
+        "drop_factor": g.sometimes(0.6, 0.5, 0.85, 1.0),
+        "drop_begin_s": g.uniform(1.3, 5.0),  # after the brakes are up
+        "drop_length_s": g.uniform(2.0, 7.0),
+        "patch_factor": g.sometimes(0.5, 0.5, 1.6, 1.0),  # leaves, or cleaner rail
+        "patch_start_m": g.uniform(0.0, 150.0),
+        "patch_length_m": g.uniform(20.0, 150.0),  # a car to a train
+        "scatter_share": g.sometimes(0.5, 0.01, 0.06, 0.0),
+        "conditioning": g.sometimes(0.4, 0.05, 0.3, 0.0),  # wheels that slide clean the rail
+        "grade_permille": g.sometimes(0.5, -20.0, 20.0, 0.0),
+        "receptivity": g.sometimes(0.4, 0.3, 0.9, 1.0),  # taken up of the electric brake, mean
+        "fails": (fails := g.uniform(0.0, 1.0) < 0.15),  # a unit: air makes up for its motors
+        "failed_place": g.uniform(0.0, 1.0) if fails else 0.0,
+        "failed_at_s": g.uniform(2.0, 6.0) if fails else 0.0,
+        "law": ("threshold", "fuzzy")[int(g.generator.integers(2))],  # of slide protection
+        "speed_noise_kmh": g.uniform(0.0, 0.04),
+        "speed_quantum_kmh": g.sometimes(0.5, 0.005, 0.05, 0.0),  # pulses timed over a period
+        # diameters of 0.86 m entered to a millimetre, to wheels that wore by 4 mm since
+        "radius_error": 0.0005 * 10.0 ** g.sometimes(0.5, 0.0, 1.0, -np.inf),  # 0 in the others
+        "load_error": g.uniform(0.0, 0.05),
+        "mass_factor": g.uniform(0.97, 1.03),  # what a works scale leaves
+        "resistance_factor": g.uniform(0.8, 1.2),  # wind, and formulas that fit a class
+        "coupler_factor": g.uniform(0.9, 1.1),  # rubber ages
+        "telegram_loss": g.sometimes(0.5, 0.0, 0.05, 0.0),
+        "day": int(g.generator.integers(1, 2**31)),
+    }
+
+
+@cache
+def train_of(name: str) -> Train:
+    """Empty."""
+    return load("wet-stop").changed(variation=None, **TRAINS[name].keys).event().model.train
+
+
+def event(seed: int, k: int) -> Scenario:
+    """Stop `k`."""
+    d = draw(seed, k)
+    kind, train = TRAINS[d["train"]], train_of(d["train"])
+    asked = _between(kind.asked, d["deceleration"]) / 3.6
+    speed = d["end_kmh"] or _between(kind.speed, d["speed"])
+    offered = max(LEAST_LEVEL, d["share"] * asked / GRAVITY)
+    rail = e.offering(e.curve(d["curve"], d), offered, train, REFERENCE_SPEED)
+    rail |= {
+        "increments": _grown(d["growth"] * rail["level"], train),
+        "conditioning": d["conditioning"],
+        "scatter": d["scatter_share"] * rail["level"],
+        "scatter_length_m": 20.0,
+        "patches": [*e.drop(d, ROLLING), *e.patch(d, speed / 3.6 * ROLLING)],
+    }
+    onboard = e.signals(d) | {"braking": {"slide_protection": {"law": d["law"]}}}
+    onboard["sensors"] |= {name: d[name] for name in ("speed_quantum_kmh", "radius_error")}
+    units = int(structure_of(train)[0].axle_unit.max()) + 1
+    failed = {"unit": 1 + int(d["failed_place"] * units), "time_s": ROLLING + d["failed_at_s"]}
+    swing = 0.6 * (1.0 - d["receptivity"])
+    factors = ("mass_factor", "resistance_factor", "coupler_factor")
+    believed = {"curve": {"kind": CURVES[0]}, "increments": _grown(asked / GRAVITY, train)}
+    return load("wet-stop").changed(
+        name=f"blended-{seed}-{d['number']:04d}",
+        title=f"drawn stop {d['number']}: {d['train']}, {d['curve']}",
+        case=None,
+        duration_s=DURATION,
+        variation=None,
+        target_speed_kmh=None,
+        initial_speed_kmh=speed,
+        line=e.line(d, -1e4),
+        load_t=[e.stated("_t", d["load"] * kind.most_load)] * len(train.cars),
+        rail=rail,
+        onboard=onboard,
+        command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * asked}],
+        failures=[failed] if d["fails"] else [],
+        receptivity={"mean": d["receptivity"], "amplitude": swing, "period_s": 7.0},
+        belief=believed | {name: d[name] for name in factors},
+        **kind.keys,
+    )
+
+
+def _between(limits: tuple[float, float], share: float) -> float:
+    return limits[0] + share * (limits[1] - limits[0])
+
+
+def _grown(level: float, train: Train) -> e.Keys:
+    """Growth in proportion to `level`, 0 on the mean of the axles."""
+    slope = SLOPE * level
+    mean_log = float(np.log(np.arange(1.0, train.axle_count + 1.0)).mean())
+    return {"law": "logarithmic", "slope": slope, "offset": -slope * mean_log}
+
+
+def cells(events: int, seed: int) -> list[Cell]:
+    """Every stop under every rule, arm and controller, the same day."""
+    found = []
+    for k in range(events):
+        one, d = event(seed, k), draw(seed, k)
+        drawn = {name: d[name] for name in ("train", "curve")}
+        for law in CONTROLLERS:
+            found += [cell(one, rule, law, d["day"], **drawn) for rule in COMPARED]
+            found += [claims.taken_back(one, arm, keys, law, d["day"], **drawn)
+                      for arm, keys in AS_PRINTED.items()]  # fmt: skip
+    return found
+
+
+# what is claimed; all thresholds are zero, and were set before the stops were drawn
+
+GAIN = "acceleration_ratio"
+WORTH = 0.01
+"""Headroom over the plan that is worth sharing."""
+
+
+def stops(rows: pd.DataFrame, controller: str, rule: str, others: Iterable[str]) -> pd.DataFrame:
+    """One row per stop in which a unit slides under alone: only these call for the patent."""
+    own = paired(rows, controller, rule, dict.fromkeys((*others, "alone")))
+    return own[own["unit_detections_alone"] >= 1]
+
+
+def statements(rows: pd.DataFrame) -> list[Statement]:
+    """Every rule over alone and every layer over dynamic sharing, a family of 24; and the deviations, one of ten."""
+    good, found = complete(rows), []
+    pairs = [*((rule, "alone") for rule in COMPARED[1:]), *((rule, "sharing") for rule in LAYERS)]
+    for law, (rule, other) in product(CONTROLLERS, pairs):
+        own = stops(good, law, rule, (other,))
+        wide = own["headroom_alone"] > WORTH
+        parts = {"headroom above 1 % of the plan": wide, "headroom up to 1 %": ~wide}
+        gain = 100.0 * (own[GAIN] - own[f"{GAIN}_{other}"])
+        text = f"decelerates more than {other}: deceleration [points of plan]"
+        name = f"{rule} over {other} under {law}"
+        found.append(Claim(name, text, gain, least=0.0, parts=parts, digits=2))
+    return judge(found) + judge(claims.deviations(AS_PRINTED, partial(stops, good)))
+
+
+COSTS = {"deceleration [points of plan]": (GAIN, 2, 100.0)} | claims.COSTS
+
+
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """What each rule adds to alone, with the verdict on it, and each deviation to the corrected patent."""
+    good, lines = complete(rows), []
+    verdicts = {one.claim.name: one.verdict for one in statements(rows)}
+    compared = {"": ("alone",), "alone": COMPARED[1:], CORRECTED: (*AS_PRINTED, PRINTED)}
+    for law in CONTROLLERS:
+        for other, rules in compared.items():
+            for rule in rules:
+                own = stops(good, law, rule, (other,) if other else ())
+                line = {
+                    "controller": law,
+                    "rule, or deviation taken back": rule,
+                    "less": other or "–",
+                    **claims.costs(own, other, COSTS),
+                    "decelerates more": verdicts.get(f"{rule} over {other} under {law}", "–"),
+                }
+                lines.append(line)
+    return pd.DataFrame(lines)
+
+
+def figure(rows: pd.DataFrame) -> Figure:
+    """Fig. 16: brake forces of the foremost car in a stop, and its limit; beside them the rules over alone."""
+    drawn = Figure(figsize=(WIDE, 2.4), layout="constrained")
+    forces, limits, gains = drawn.subplots(1, 3)
+    _fig_16(forces, limits)
+    found = {one.claim.name: one.number for one in statements(rows)}
+    claims.forest(gains, {rule: [found[f"{rule} over alone under {law}"] for law in CONTROLLERS]
+                   for rule in COMPARED[1:]})  # fmt: skip
+    gains.axvline(0.0, color="0.5", linewidth=0.8)
+    gains.set(title=claims.MARKERS, xlabel="deceleration over alone [points of plan]")
+    return drawn
+
+
+def _fig_16(forces: Axes, limits: Axes) -> None:
+    """The foremost unit under the corrected patent in the shipped blended stop; forces at the rims of its wheels."""
+    found = recorded(load("wet-stop"), CORRECTED, "cut-and-ramp", 0)
+    time, plan = found["time"].values, found["expected"].values
+    own = found["axle_unit"].values == 0
+    rim = float(found["unit_gear"][0] / found["unit_radius"][0]) * own.sum()
+    electric = -rim * found["motor_torque"].values[:, 0] / 1e3
+    air = own.sum() * found["air_brake_force"].values[:, 0] / 1e3
+    turning = found["axle_turning_mass"].values[own].sum() * np.abs(found["driver_command"].values)
+    pattern = (plan * float(found["unit_static_load"][0]) + turning) / 1e3
+    forces.stackplot(time, electric, air, labels=("electric", "air"), colors=("#56b4e9", "#e69f00"))
+    forces.plot(time, pattern, "k:", label="pattern")
+    forces.set(title="Fig. 16: foremost unit", xlabel="time [s]", ylabel="brake force [kN]")
+    forces.set_ylim(0.0, 1.3 * pattern.max())
+    forces.legend(loc="upper center", ncols=3, columnspacing=1.0)
+    rail = found["adhesion_limit"].values[:, own].mean(axis=1)
+    limits.plot(time, rail, color="0.5", label="adhesion")
+    limits.plot(time, found["limit"].values[:, 0], color=RULES[CORRECTED].colour, label="limit")
+    limits.plot(time, plan, "k:", label="plan")
+    limits.set(xlabel="time [s]", ylabel="coefficient")
+    limits.legend()
+
+
+QUESTION = (
+    "Does redistribution by JP5484215 improve the deceleration of drawn blended stops (claim 3)?"
+)
+STUDY = Study("braking", QUESTION, cells, run, table, figure, statements, events=120)

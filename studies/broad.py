@@ -1,0 +1,247 @@
+"""Rules and baselines where nothing was tuned: a broad mixture of starts, pulls at speed and blended stops.
+
+The events are those of four studies, one kind after another. Drawn on top of them is what these leave out or draw narrowly:
+seven adhesion curves, kind and lag of motors, speed, noise, lost telegrams, a short train. That each kind counts a quarter
+is assumed, so results stand by kind too.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from alloc.plant.laws import hyperbolic_speed_law
+from alloc.plant.model import offered_by
+from alloc.plant.rail import SPEED_LAWS
+from paper_figs.style import WIDE
+from studies import braking, claims, headroom, ladder
+from studies import events as e
+from studies.claims import CONTROLLERS, costs, forest
+from studies.core import Cell, Row, Study
+from studies.headroom import BASE, BOUND, COSTS
+from studies.runs import cell, complete, paired, run
+from studies.scenario import Increments, Scenario
+from studies.statistics import Claim, Statement, judge, mean, share
+
+SLOW = "mpc"
+"""A controller of which a run takes a second."""
+ARMS = (BASE, "uniform", "erp", "greedy", "exact", "cooperative", "wear", BOUND)
+RULES_OF = dict.fromkeys(CONTROLLERS, ARMS) | {SLOW: (BASE, "uniform", "cooperative", "wear", BOUND)}  # fmt: skip
+"""Controller -> rules that an event meets under it."""
+EVENTS_OF_SLOW = 28
+"""Events that `SLOW` meets: every kind on every curve."""
+
+# the events
+
+WEATHER, STOP = "start in any weather", "stop"
+KINDS: dict[str, Callable[[int, int], Scenario]] = {
+    "start with headroom": headroom.event,
+    WEATHER: claims.event,
+    "start, rail changes": ladder.event,
+    STOP: braking.event,
+}
+RAILCAR = str(Path(__file__).with_name("broad_railcar.toml"))
+"""Two sections on three bogies: two units, in place of eight cars in half of the starts in any weather."""
+FASTEST = 120.0
+"""Speed [km/h] at which an event begins at most."""
+FULL_EFFORT, GAINED = 40.0, 36.0
+"""Speed [km/h] up to which motors reach the plan of a start, and speed that a start gains."""
+
+
+def draw(seed: int, k: int) -> e.Keys:
+    """What is drawn for event `k` on top of the event of its kind; kinds and curves take turns."""
+    g = e.Draw(seed, k, 53)
+    return {
+        "kind": list(KINDS)[k % 4],
+        "curve": braking.CURVES[k // 4 % 7],  # a stop draws its own of the same seven
+        "residual_ratio": g.uniform(0.3, 0.98),  # steep to flat behind the peak
+        "peak_slip": g.log_uniform(0.03, 0.8),  # the slips that a search is bound to
+        "peak_slip_ratio": g.log_uniform(0.01, 0.1),
+        "steepness": g.log_uniform(1.5, 20.0),  # as the piecewise curve to as Polach's
+        "short": g.one_of(("no", "yes")),
+        # trains accelerate again after signals and speed restrictions
+        "speed_kmh": g.sometimes(0.4, 20.0, FASTEST, 0.0),
+        "motors": g.one_of(("torque", "induction", "series")),  # trains have all three
+        # 5 ms in the readhesion paper, 100 ms where commands pass a train bus
+        "torque_lag_s": g.log_uniform(0.005, 0.1),
+        "speed_noise_kmh": g.uniform(0.0, 0.1),  # to more than twice what other studies draw
+        "telegram_loss": g.uniform(0.0, 0.1),  # to twice
+    }
+
+
+def event(seed: int, k: int) -> Scenario:
+    """Event `k`."""
+    d = draw(seed, k)
+    base = KINDS[d["kind"]](seed, k)
+    onboard = base.onboard.model_dump(mode="json", exclude_unset=True)
+    noise, loss = e.stated("_kmh", d["speed_noise_kmh"]), e.stated("", d["telegram_loss"])
+    onboard["sensors"] = onboard.get("sensors", {}) | {"speed_noise_kmh": noise}
+    onboard["telegrams"] = {"jitter_s": 0.03, "loss": loss}
+    changes: e.Keys = {
+        "name": f"broad-{seed}-{k:04d}",
+        "title": f"broad event {k}: {d['kind']}, {d['curve']}",
+        "onboard": onboard,
+        "motors": {"kind": d["motors"], "torque_lag_s": d["torque_lag_s"]},
+    }
+    if d["kind"] == STOP:
+        return base.changed(**changes, initial_speed_kmh=min(base.initial_speed_kmh, FASTEST))
+    if d["kind"] == WEATHER and d["short"] == "yes":
+        base = _on_railcar(base)
+    power = _share_of_power(d["speed_kmh"])
+    belief: e.Keys = {"curve": {"kind": braking.CURVES[0]}}
+    if base.belief.increments:
+        belief["increments"] = _grown(base.belief.increments, power)
+    changes |= {"initial_speed_kmh": d["speed_kmh"], "target_speed_kmh": None, "belief": belief}
+    return base.changed(**changes, command=_asked(base, power), rail=_rail(base, d, power))
+
+
+def _share_of_power(speed: float) -> float:
+    """Share x of a start's plan that motors reach from `speed` [km/h] on: x (speed + x `GAINED`) = `FULL_EFFORT`.
+
+    The driver asks for so much less, and the rail offers so much less: else it would not be short.
+    """
+    found = (math.sqrt(speed**2 + 4.0 * GAINED * FULL_EFFORT) - speed) / (2.0 * GAINED)
+    return min(1.0, found)
+
+
+def _asked(base: Scenario, factor: float) -> list[e.Keys]:
+    """The commands of a start times `factor`."""
+    return [
+        {"time_s": one.time_s, "acceleration_kmhs": factor * one.acceleration_kmhs}
+        for one in base.command
+    ]
+
+
+def _on_railcar(base: Scenario) -> Scenario:
+    """The same start by the railcar, asked for what needs the same coefficient."""
+    changed = base.changed(train=RAILCAR, load_t=None)
+    plans = [one.event().equipment.planned_share for one in (base, changed)]
+    return changed.changed(command=_asked(base, plans[0] / plans[1]))
+
+
+def _rail(base: Scenario, d: e.Drawn, power: float) -> e.Keys:
+    """The start's rail on the drawn curve: at the event's speed it offers `power` of what the start's own curve offers."""
+    keys = base.rail.model_dump(mode="json")
+    key = "level" if base.rail.law_factor is None else "law_factor"
+    level = keys[key]
+    if key == "law_factor":
+        level *= hyperbolic_speed_law(e.START_SPEED, *SPEED_LAWS[keys["speed_law"]])
+    model = base.event().model
+    own = offered_by(model.rail.curve, level, e.START_SPEED, model.structure)
+    speed = max(e.START_SPEED, d["speed_kmh"] / 3.6)
+    found = e.offering(e.curve(d["curve"], d), power * own, model.train, speed)
+    scale = found["level"] / level
+    changed = {"curve": found["curve"], key: scale * keys[key], "scatter": scale * keys["scatter"]}
+    return keys | changed | {"increments": _grown(base.rail.increments, scale)}
+
+
+def _grown(growth: Increments, scale: float) -> e.Keys:
+    """Growth along the train in proportion to the level."""
+    if growth.values is not None:
+        return {"law": growth.law, "values": [scale * one for one in growth.values]}
+    return {"law": growth.law, "slope": scale * growth.slope, "offset": scale * growth.offset}
+
+
+DRAWN = ("kind", "curve", "motors", "speed_kmh", "torque_lag_s", "speed_noise_kmh", "telegram_loss")  # fmt: skip
+
+
+def cells(events: int, seed: int) -> list[Cell]:
+    """Every event under every controller and its rules; its number is the seed of all of them."""
+    found = []
+    for k in range(events):
+        one, d = event(seed, k), draw(seed, k)
+        drawn = {name: d[name] for name in DRAWN}
+        for law, rules in RULES_OF.items():
+            if law != SLOW or k < EVENTS_OF_SLOW:
+                found += [cell(one, rule, law, k, **drawn) for rule in rules]
+    return found
+
+
+# what comes out
+
+WORSE = 0.3
+"""Points of the bound lost from which on an event counts as worse."""
+HEADROOM = "headroom above 1 point"
+
+
+def pairs(rows: pd.DataFrame, controller: str, rule: str) -> pd.DataFrame:
+    """One row per event, with `gain` over `BASE` [points of the bound]."""
+    good = complete(rows[rows["controller"] == controller])
+    own = paired(good, controller, rule, (BASE, BOUND), DRAWN)
+    return own.assign(gain=100.0 * (own["bound_use"] - own[f"bound_use_{BASE}"]))
+
+
+def parts_of(own: pd.DataFrame) -> "dict[str, pd.Series[bool]]":
+    """Events by kind, headroom, noise, lag, speed."""
+    noisy, late = own["speed_noise_kmh"] > 0.05, own["torque_lag_s"] > 0.022
+    return {name: own["kind"] == name for name in KINDS} | {
+        HEADROOM: own[f"headroom_{BOUND}"] > 0.01,
+        "noise up to 0.05 km/h": ~noisy,
+        "noise above 0.05 km/h": noisy,
+        "lag up to 22 ms": ~late,
+        "lag above 22 ms": late,
+        "starts at speed": own["speed_kmh"].where(own["kind"] != STOP, 0.0) > 0.0,
+    }
+
+
+def statements(rows: pd.DataFrame) -> list[Statement]:
+    """Each rule that a train can carry out uses more of the bound than alone, without much beyond the plan; one family."""
+    found = []
+    for law, rules in RULES_OF.items():
+        for rule in rules[1:-1]:
+            own = pairs(rows, law, rule)
+            beyond = ("beyond the plan, % of it", 100.0 * own["over_delivery"], -np.inf, 1.0)
+            text = "uses more of the bound than alone: points"
+            found.append(Claim(f"{rule}, {law}", text, own["gain"], least=0.0, parts=parts_of(own),
+                               besides=[beyond], digits=2))  # fmt: skip
+    return judge(found)
+
+
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Each rule, and its gain over alone, also by part of the events; costs are less those of alone."""
+    lines = []
+    for law, rules in RULES_OF.items():
+        for rule in rules:
+            own, less = pairs(rows, law, rule), rule != BASE
+            parts = {name: own["gain"][true] for name, true in parts_of(own).items()}
+            gains = {"gain over alone [points]": own["gain"]}
+            gains |= {f"{name} [points]": parts[name] for name in (*KINDS, HEADROOM)}
+            worse = share(own["gain"] < -WORSE).text(0, 100.0)
+            line: Row = {"controller": law, "rule": rule, "events": len(own)}
+            line["bound used [%]"] = mean(own["bound_use"]).text(1, 100.0)
+            for words, gain in gains.items():
+                line[words] = mean(gain).text(2, sign=True) if less else "–"
+            line["worse by 0.3 points [% of events]"] = worse if less else "–"
+            line["beyond the plan [% of it]"] = mean(own["over_delivery"]).text(2, 100.0)
+            lines.append(line | costs(own, BASE if less else "", COSTS))
+    return pd.DataFrame(lines)
+
+
+def figure(rows: pd.DataFrame) -> Figure:
+    """Gain over alone of each rule."""
+    drawn = Figure(figsize=(WIDE, 2.3), layout="constrained")
+    for axes, (law, rules) in zip(drawn.subplots(1, 3), RULES_OF.items(), strict=True):
+        numbers = {}
+        for rule in rules[1:]:
+            own = pairs(rows, law, rule)
+            numbers[rule] = [mean(own["gain"]), mean(own["gain"][parts_of(own)[HEADROOM]])]
+        forest(axes, numbers)
+        axes.axvline(0.0, color="0.5", linewidth=0.8)
+        axes.set(title=law, xlabel="gain over alone [points of the bound]")
+    drawn.supxlabel(f"circles: all events, squares: {HEADROOM}")
+    return drawn
+
+
+STUDY = Study(
+    "broad",
+    "What do rules and baselines gain over units that act alone where nothing was tuned?",
+    cells,
+    run,
+    table,
+    figure,
+    statements,
+    events=140,
+)

@@ -1,0 +1,334 @@
+"""Claims (a) to (e) of JP5484215 over random starts that every rule meets, and what its equations are worth as printed.
+
+The patent is judged in five layers under two controllers; a sixth question is what each deviation of the project's
+equipment from the text changes, one taken back at a time. All rules and arms are paired by event.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from itertools import product
+from textwrap import wrap
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from alloc.metrics.registry import series
+from alloc.plant.laws import hyperbolic_speed_law
+from alloc.plant.rail import SPEED_LAWS
+from alloc.rules import RULES
+from paper_figs.style import WIDE
+from studies import events as e
+from studies.core import Cell, Row, Study
+from studies.runs import Measure, cell, complete, paired, run
+from studies.scenario import Scenario, load
+from studies.statistics import Claim, Interval, Statement, judge, mean
+
+CONTROLLERS = ("cut-and-ramp", "perturb-observe")
+"""One waits for a slip signal, one limits torque without any; rules differ in what they need to act."""
+MARKERS = "circles: cut-and-ramp, squares: perturb-observe"
+CORRECTED, PRINTED = "greedy-literal", "greedy-printed"
+LAYERS = (PRINTED, CORRECTED, "greedy-tuned", "greedy", "cooperative")
+"""The patent as printed; its steps with corrected equations; at its best within its words; its caps and level on what all
+units report; its idea, that the rear makes up for the front, on the adhesion that each unit finds. Thresholds of Fig. 5, the
+differentiator behind it, and the time for which limits hold are not printed; all but the third layer have those of all trains."""
+PRIOR_ART = ("preset", "sharing")
+"""What the patent wants to improve on: a fixed pattern, and shortfalls that are handed on step by step."""
+OTHERS = ("alone", *PRIOR_ART, "oracle")
+AS_PRINTED: dict[str, e.Keys] = {
+    # no slip velocity counts as slip, so one at a constant speed is none
+    "Fig. 5: acceleration alone": {"detector": {"speed_on_kmh": 600.0}},
+    # the torque that turns the wheelsets is not asked for
+    "(6) without inertia": {"inertia_in_limit": False},
+}
+"""Deviation of the equipment that is taken back -> its keys; a start asks neither of (18). `PRINTED` has all of them."""
+
+# the events
+
+CARS, DURATION = 8, 12.0
+"""Length [s]: at its end, near 36 km/h, the motors still reach the plan."""
+OFFSET = -0.0066 / 0.0083
+"""Offset over slope in (15)."""
+BELIEVED = 0.0166
+"""Slope that the train believes in: (15) says 0.0083 where the planned coefficient is 0.07; in proportion at starting."""
+LEVELS = {"summer": (0.138, 0.012), "winter": (0.118, 0.018)}
+"""Mean and deviation of the coefficient, assumed: in summer the front often falls short, in winter the whole train does."""
+
+
+def draw(seed: int, k: int) -> e.Keys:
+    """What is drawn for event `k`."""
+    g = e.Draw(seed, k)
+    season = g.one_of(list(LEVELS))  # JP5484215: what a preset pattern cannot follow
+    level = float(np.clip(g.generator.normal(*LEVELS[season]), 0.06, 0.20))
+    return {
+        "season": season,
+        "level": level,  # of the first four axles at 15 km/h
+        "slope": g.uniform(0.0, 2.0 * BELIEVED),  # from no growth to twice what is believed
+        "scatter": g.uniform(0.0, 0.012),  # JP5484215: 0.012 over all its measurements
+        "patch_factor": g.sometimes(0.3, 0.6, 0.9, 1.0),  # leaves, oil: not everywhere
+        "patch_start_m": g.uniform(5.0, 40.0),  # met during the event
+        "patch_length_m": g.uniform(20.0, 60.0),  # one to three cars
+        # adhesion falls with speed; by how much over the first 36 km/h is disputed
+        "speed_law": g.one_of(("none", "curtius-kniffler", "shinkansen"), [0.5, 0.25, 0.25]),
+        **g.signals_of_start(8.0),  # up to 8 t the motors reach the plan throughout
+    }
+
+
+def event(seed: int, k: int) -> Scenario:
+    """Event `k`: the eight-car train of wet-start pulls away at 3.0 km/h/s."""
+    d = draw(seed, k)
+    level: e.Keys = {"level": d["level"]}
+    if d["speed_law"] != "none":
+        at_start = hyperbolic_speed_law(e.START_SPEED, *SPEED_LAWS[d["speed_law"]])
+        level = {"law_factor": d["level"] / float(at_start)}
+    rail = level | {
+        "speed_law": d["speed_law"],
+        "increments": _growth(d["slope"]),
+        "scatter": d["scatter"],
+        "scatter_length_m": 20.0,
+        "patches": e.patch(d),
+    }
+    return load("wet-start").changed(
+        name=f"random-{seed}-{k:04d}",
+        title=f"random event {k}",
+        case=None,
+        duration_s=DURATION,
+        variation=None,
+        rail=rail,
+        onboard=e.signals(d),
+        load_t=e.loads(d, CARS),
+        line=e.line(d),
+        belief={"increments": _growth(BELIEVED)},
+    )
+
+
+def _growth(slope: float) -> e.Keys:
+    return {"law": "logarithmic", "slope": slope, "offset": OFFSET * slope}
+
+
+def cells(events: int, seed: int) -> list[Cell]:
+    """Every event under every rule, arm and controller; its number is the seed of all of them."""
+    found = []
+    for k in range(events):
+        one, drawn = event(seed, k), draw(seed, k)
+        for law in CONTROLLERS:
+            found += [cell(one, rule, law, k, measure, **drawn) for rule in (*OTHERS, *LAYERS)]
+            found += [taken_back(one, arm, keys, law, k, measure, **drawn)
+                      for arm, keys in AS_PRINTED.items()]  # fmt: skip
+    return found
+
+
+def taken_back(
+    event: Scenario,
+    arm: str,
+    keys: e.Keys,
+    controller: str,
+    seed: int,
+    measure: Measure | None = None,
+    **columns: object,
+) -> Cell:
+    """A run of the corrected patent whose equipment has these `keys` beside its own; `arm` is its rule in the rows."""
+    own = event.model_dump(mode="json", exclude_unset=True)["onboard"]
+    tables = {
+        key: {**own.get(key, {}), **one} for key, one in keys.items() if isinstance(one, dict)
+    }
+    changed = event.changed(onboard=own | keys | tables)
+    made = cell(changed, CORRECTED, controller, seed, measure, **columns)
+    return made._replace(name=f"{made.name}, {arm}", columns={**made.columns, "rule": arm})
+
+
+# what is measured
+
+SETTLING = 2.0
+"""Time [s] from the demand that is left out: torque rises in 1 s, and the first slip needs to be detected."""
+SOMEWHAT = 0.15
+"""Excess over the adhesion up to which a limit is somewhat too high; the patent's 0.012 of scatter is 8 % of 0.15."""
+
+
+def measure(found: xr.Dataset) -> Row:
+    """Numbers of a run beside the metrics, from `SETTLING` on.
+
+    - effort: force of the driven axles over what the plan asks of them.
+    - reach_low, reach_high: 5 % and 95 % quantile over time of the adhesion of all units over the plan.
+    - use_low: adhesion used by the unit that uses least.
+    - over_share: share of units and time with a limit above the adhesion.
+    - over_use, over_time [s]: adhesion used under a rule's limit that is somewhat too high, and unit seconds there.
+    """
+    time, command = series(found, "time"), series(found, "driver_command")
+    counted = (command != 0.0) & (time >= time[int(np.argmax(command != 0.0))] + SETTLING)
+    unit = series(found, "axle_unit")
+    member = (unit[:, None] == np.arange(found.sizes["unit"])).astype(float)
+    force = (np.sign(command)[:, None] * series(found, "rail_force"))[counted] @ member
+    load = series(found, "axle_load")[counted] @ member
+    rail = series(found, "adhesion_limit")[counted]
+    available = (rail * series(found, "axle_load")[counted]) @ member
+    adhesion = rail @ (member / member.sum(axis=0))
+    planned, limit = series(found, "planned_coefficient")[counted], series(found, "limit")[counted]
+    reach = available.sum(axis=1) / load.sum(axis=1) / planned
+    excess = limit / adhesion - 1.0
+    ruled = (series(found, "case")[counted] > 0.0)[:, None]
+    over = (excess > 0.0) & (excess <= SOMEWHAT) & ruled
+    return {
+        "effort": float(force.sum() / (planned * load.sum(axis=1)).sum()),
+        "reach_low": float(np.quantile(reach, 0.05)),
+        "reach_high": float(np.quantile(reach, 0.95)),
+        "use_low": float((force.sum(axis=0) / available.sum(axis=0)).min()),
+        "over_share": float((limit > adhesion).mean()),
+        "over_use": float(force[over].sum() / available[over].sum()) if over.any() else np.nan,
+        "over_time": float(time[1] - time[0]) * float(over.sum()),
+    }
+
+
+# what is claimed; thresholds were set before the first event was drawn
+
+REACHED = 99.0
+"""Effort [% of the plan] that counts as the plan: a hundredth is what a driver could notice in a timetable."""
+ABOUT_BOUND, ABOUT_95 = 90.0, 92.0
+"""Adhesion used [%] about at the bound, a tenth below it, and where the patent says about 95 %: readhesion controllers
+differ by three points."""
+LEAST_TIME, UNFIT = 1.0, 0.05
+"""Unit seconds under a limit too high that say anything of it; share of them from which the preset does not fit the rail."""
+
+
+def claims_of(own: pd.DataFrame) -> list[Claim]:
+    """The five claims about a rule, over events that have its numbers and those of `OTHERS`."""
+    slope, tilt = own["slope"] / BELIEVED, own["tilt"]
+    case_a, case_b = own["reach_high_oracle"] <= 1.0, own["reach_low_oracle"] >= 1.0
+    parts = {
+        "summer": own["season"] == "summer",
+        "winter": own["season"] == "winter",
+        "growth along the train much below belief": slope < 0.67,
+        "growth along the train about as believed": slope.between(0.67, 1.33),
+        "growth along the train much above belief": slope > 1.33,
+        "little scatter": own["scatter"] < 0.006,
+        "much scatter": own["scatter"] >= 0.006,
+        "uniform rail": own["patch_factor"] == 1.0,
+        "a patch": own["patch_factor"] < 1.0,
+        "adhesion independent of speed": own["speed_law"] == "none",
+        "adhesion falling with speed": own["speed_law"] != "none",
+        "heavier front": tilt < -0.25,
+        "even load": tilt.between(-0.25, 0.25),
+        "heavier rear": tilt > 0.25,
+        "level line": own["grade_permille"] == 0.0,
+        "a gradient": own["grade_permille"] > 0.0,
+    }
+
+    def less(name: str, other: str, only: "pd.Series[bool]") -> "pd.Series[float]":
+        return (own[name] - own[f"{name}_{other}"]).where(only)
+
+    short = case_b & (own["effort_alone"] <= REACHED / 100.0)
+    slips, unfit = own["unit_detections_alone"] >= 1, own["over_share_preset"] >= UNFIT
+    effort, none = 100.0 * own["effort"].clip(upper=1.0), np.inf
+    more = ("effort over alone", 100.0 * less("effort", "alone", short), 0.0, none)
+    peak = ("jerk peak [m/s³]", less("jerk_peak", "sharing", slips), -none, 0.0)
+    slip = ("slip [axle s]", less("slip_time", "preset", unfit), -none, 0.0)
+    return [
+        Claim("a", "reaches the plan where the train could and alone does not: effort [% of plan]",
+              effort.where(short), least=REACHED, parts=parts, digits=1,
+              besides=[more]),
+        Claim("b", "in case A every unit works at about its bound: adhesion used by the least [%]",
+              100.0 * own["use_low"].where(case_a), least=ABOUT_BOUND, parts=parts, digits=1),
+        Claim("c", "about 95 % of the adhesion is used under a cap somewhat too high: used there [%]",
+              100.0 * own["over_use"].where(own["over_time"] >= LEAST_TIME),
+              least=ABOUT_95, parts=parts, digits=1),
+        Claim("d", "better ride than dynamic sharing: jerk rms, less sharing's [m/s³]",
+              less("jerk_rms", "sharing", slips), most=0.0, parts=parts, digits=4,
+              besides=[peak]),
+        Claim("e", "more effort than a preset pattern that does not fit the rail: effort over its [points]",
+              100.0 * less("effort", "preset", unfit), least=0.0, digits=1, besides=[slip],
+              parts=parts | {"case A": case_a, "case B": case_b}),
+    ]  # fmt: skip
+
+
+def statements(rows: pd.DataFrame) -> list[Statement]:
+    """One per claim, layer and controller, a family of fifty; and one per deviation and controller, a family of six."""
+    good, drawn = complete(rows), tuple(draw(0, 0))
+    claims = []
+    for law in CONTROLLERS:
+        for rule in LAYERS:
+            of_rule = claims_of(paired(good, law, rule, OTHERS, drawn))
+            claims += [one._replace(name=f"{one.name}: {rule} under {law}") for one in of_rule]
+    return judge(claims) + judge(deviations(AS_PRINTED, partial(paired, good)))
+
+
+def deviations(arms: Iterable[str], pair: Callable[..., pd.DataFrame]) -> list[Claim]:
+    """That each deviation taken back, and all of them, cost effort; `pair(controller, rule, others)` gives events."""
+    found = []
+    for law, arm in product(CONTROLLERS, (*arms, PRINTED)):
+        own = pair(law, arm, (CORRECTED,))
+        lost = 100.0 * (own["bound_use"] - own[f"bound_use_{CORRECTED}"])
+        text = f"uses less of the bound than {CORRECTED}: bound used [points]"
+        found.append(Claim(f"{arm} under {law}", text, lost, most=0.0, digits=2))
+    return found
+
+
+COSTS = {
+    "bound used [points]": ("bound_use", 2, 100.0),
+    "slip [axle s]": ("slip_time", 1, 1.0),
+    "wheel damage Q [kJ]": ("damage", 0, 1.0),
+    "jerk rms [m/s³]": ("jerk_rms", 3, 1.0),
+}
+"""Heading -> number, digits, scale."""
+
+
+def costs(own: pd.DataFrame, other: str, numbers: Mapping[str, tuple[str, int, float]]) -> Row:
+    """Means of `numbers` of a rule less those of the `other`, event by event; its own where there is no other."""
+    found = {}
+    for words, (name, digits, scale) in numbers.items():
+        less = own[f"{name}_{other}"] if other else 0.0
+        found[words] = mean(own[name] - less).text(digits, scale, sign=bool(other))
+    return found
+
+
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Each rule, and what it adds to `alone`; each deviation, and what it adds to the corrected patent."""
+    compared = {"": ("alone",), "alone": (*PRIOR_ART, *LAYERS, "oracle")}
+    compared[CORRECTED] = (*AS_PRINTED, PRINTED)
+    good, lines = complete(rows), []
+    for law in CONTROLLERS:
+        for other, rules in compared.items():
+            for rule in rules:
+                own = paired(good, law, rule, (other,) if other else ())
+                line = {
+                    "controller": law,
+                    "rule, or deviation taken back": rule,
+                    "bound used [%]": mean(own["bound_use"]).text(1, 100.0),
+                    "effort [% of plan]": mean(own["effort"]).text(1, 100.0),
+                    "less": other or "–",
+                }
+                lines.append(line | costs(own, other, COSTS))
+    return pd.DataFrame(lines)
+
+
+def forest(axes: Axes, numbers: Mapping[str, Sequence[Interval]]) -> None:
+    """A row for each rule in its colour: means with intervals, a circle and a square for the two controllers."""
+    for j, (rule, pair) in enumerate(numbers.items()):
+        for k, one in enumerate(pair):
+            x, y = (one.low, one.value, one.high), [j + 0.25 * k] * 3
+            axes.plot(x, y, "os"[k] + "-", color=RULES[rule].colour, markevery=[1])
+    axes.set_yticks(np.arange(len(numbers)) + 0.125, numbers)
+    axes.set_ylim(len(numbers) - 0.4, -0.4)
+
+
+def figure(rows: pd.DataFrame) -> Figure:
+    """What decides each claim, over its threshold, for every layer."""
+    found = {one.claim.name: one for one in statements(rows)}
+    drawn = Figure(figsize=(WIDE, 2.5), layout="constrained")
+    for axes, name in zip(drawn.subplots(1, 5, sharey=True), "abcde", strict=True):
+        own = {rule: [found[f"{name}: {rule} under {law}"] for law in CONTROLLERS]
+               for rule in LAYERS}  # fmt: skip
+        forest(axes, {rule: [one.number for one in pair] for rule, pair in own.items()})
+        claim = own[PRINTED][0].claim
+        bound = claim.least if np.isfinite(claim.least) else claim.most
+        axes.axvline(bound, color="0.5", linewidth=0.8)
+        axes.set(title=f"({name})", xlabel="\n".join(wrap(claim.text.rpartition(": ")[2], 24)))
+    drawn.supxlabel(MARKERS)
+    return drawn
+
+
+QUESTION = (
+    "Do claims (a) to (e) of JP5484215 hold over random starts, and what are its equations worth?"
+)
+STUDY = Study("claims", QUESTION, cells, run, table, figure, statements, events=300)

@@ -1,0 +1,353 @@
+"""The main comparison: every rule under every controller over the same slip events, and what each adds to `alone`."""
+
+from collections.abc import Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from alloc.metrics import METRICS
+from alloc.onboard.host import CONTROLLERS
+from alloc.rules import RULES
+from alloc.simulation import inputs_hash
+from studies.core import Cell, Row, Study, StudyError
+from studies.runs import cell, is_slow, run
+from studies.scenario import Scenario, default_scenarios
+from studies.statistics import Interval, mean
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+REFERENCE, EFFORT = "alone", "bound_use"
+"""Rule from which the others' differences are counted, and the metric that ranks them."""
+NUMBERS = [EFFORT, "damage", "slip_time", "over_delivery"]
+CONTROLLERS_COMPARED = ("cut-and-ramp", "perturb-observe")
+SLOW = "mpc"
+"""Joins in on the first seed where nobody names controllers: a run takes tens of times as long."""
+LEFT_OUT = ("plan-times", "qp-daqp", "qp-cvxpy", "qp-robust", "wear-qp", "wear-cvxpy", "preview")
+"""Rules that answer as another does, or are told what no train knows; they run where they are named."""
+SEEDS = 5
+MOST_OVER = 0.01
+"""Share of the plan delivered beyond it above which a rule is not ranked: the driver did not ask for that."""
+NEGLIGIBLE = 1e-3
+"""A tenth of a point of the bound: nobody chooses a rule by it, however sure it is."""
+FEW = 5
+"""Events below which intervals are over events and seeds, and say nothing of other events."""
+
+
+class Grid(NamedTuple):
+    """What is compared."""
+
+    scenarios: Sequence[Scenario]
+    rules: Sequence[str]
+    controllers: Sequence[str]
+    seeds: int
+    slow: Sequence[str] = ()
+    """Controllers that meet the first seed alone."""
+
+    def cells(self) -> list[Cell]:
+        """By event, so that neighbours share what they prepare; slow ones first, lest one is last."""
+        slow = [cell(one, rule, law, 0)
+                for law in self.slow for one in self.scenarios for rule in self.rules]  # fmt: skip
+        found = [
+            cell(one, rule, law, seed)
+            for one in self.scenarios
+            for seed in range(self.seeds if self.seeds > 1 and draws(one) else 1)
+            for law in self.controllers
+            for rule in self.rules
+        ]
+        # two workers then compile at once what takes longest: the controller, and the loop
+        return slow[:1] + found[:1] + slow[1:] + found[1:]
+
+
+def draws(scenario: Scenario) -> bool:
+    """Whether anything of an event depends on the seed."""
+    return inputs_hash(scenario.event(1)) != inputs_hash(scenario.event(2))
+
+
+def grid(
+    scenarios: Sequence[Scenario] | None = None,
+    rules: Sequence[str] | None = None,
+    controllers: Sequence[str] | None = None,
+    seeds: int | None = None,
+) -> Grid:
+    """The grid of these parts; what is left out is the default. Raises `InputError` for a part that does not exist."""
+    if seeds is not None and not 1 <= seeds <= 1000:
+        raise StudyError(f"seeds = {seeds}: give 1 to 1000")
+    chosen = tuple(dict.fromkeys(scenarios or default_scenarios()))
+    names = [one.name for one in chosen]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise StudyError(f"two scenarios are named {twice.pop()!r}; rename one")
+    rules = tuple(dict.fromkeys(rules or [name for name in RULES if name not in LEFT_OUT]))
+    for name in rules:
+        RULES.find(name)
+    slow = () if controllers else (SLOW,)
+    controllers = tuple(dict.fromkeys(controllers or CONTROLLERS_COMPARED))
+    for name in (*controllers, *slow):
+        find_controller(name)
+    return Grid(chosen, rules, controllers, seeds or SEEDS, slow)
+
+
+def find_controller(name: str) -> object:
+    """The controller of this name. Raises `InputError` where there is none, or where it needs what is not installed."""
+    try:
+        return CONTROLLERS.find(name)
+    except ImportError as error:
+        raise StudyError(f"controller {name!r} needs what is not installed: {error}") from None
+
+
+def study_of(chosen: Grid) -> Study:
+    """The comparison as a study."""
+    return Study(
+        name="compare",
+        question="every rule under every controller over the same slip events",
+        cells=lambda events, seed: chosen.cells(),
+        run=run,
+        table=lambda rows: frame(standings(rows)),
+        figure=lambda rows: figure(standings(rows)),
+        events=1,
+    )
+
+
+# what comes out
+
+
+class Standing(NamedTuple):
+    """A rule under a controller: means over events of means over seeds, and differences from `alone` paired by event."""
+
+    controller: str
+    rule: str
+    used: Interval
+    gain: Interval
+    damage: Interval
+    slip: Interval
+    over: float
+    tied: bool
+    """Whether it cannot be told from the best of those that a train can carry out."""
+    mark: str
+    """°: knows the rail; *: delivers too much beyond the plan; †: rule or controller failed in some run."""
+
+    @property
+    def name(self) -> str:
+        """The rule with its marks."""
+        return self.rule + self.mark + ("=" if self.tied else "")
+
+
+def standings(rows: pd.DataFrame) -> list[Standing]:
+    """Every rule under every controller, over the events that all its rules have; the best first, slow controllers last."""
+    found = []
+    good = rows[rows["status"] == "ok"]
+    laws = [str(one) for one in good["controller"].unique()]
+    for controller in sorted(laws, key=is_slow):
+        found += _standings(rows[rows["controller"] == controller], controller)
+    return found
+
+
+def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
+    good, failed = rows[rows["status"] == "ok"], set(rows.loc[rows["status"] != "ok", "rule"])
+    wide = good.pivot(index=["scenario", "seed"], columns="rule", values=NUMBERS)
+    rules = list(dict.fromkeys(good["rule"]))
+    wide = wide.loc[wide[EFFORT][rules].notna().all(axis=1)]
+    pairs = wide.index.get_level_values("scenario").nunique() < FEW
+    means = wide if pairs else wide.groupby(level="scenario").mean()
+
+    def less(name: str, rule: str, other: str) -> Interval:
+        """Of a rule less another: paired by seed, then over events."""
+        if other not in rules:
+            return mean([])
+        apart = wide[name, rule] - wide[name, other]
+        return mean(apart if pairs else apart.groupby(level="scenario").mean())
+
+    over = means["over_delivery"].mean()
+    marks = {rule: "°" if RULES[rule].needs_truth else "*" if over[rule] > MOST_OVER else ""
+             for rule in rules}  # fmt: skip
+    ranked = [rule for rule in rules if not marks[rule]]
+    best = means[EFFORT][ranked].mean().idxmax() if ranked else None
+
+    def tied(rule: str) -> bool:
+        behind = less(EFFORT, str(best), rule)
+        return rule == best or not behind.low > 1e-9 or behind.value < NEGLIGIBLE
+
+    found = [
+        Standing(
+            controller,
+            rule,
+            mean(means[EFFORT, rule]),
+            less(EFFORT, rule, REFERENCE),
+            less("damage", rule, REFERENCE),
+            less("slip_time", rule, REFERENCE),
+            float(over[rule]),
+            rule in ranked and tied(rule),
+            marks[rule] + "†" * (rule in failed),
+        )
+        for rule in rules
+    ]
+    return sorted(found, key=lambda one: -one.used.value)
+
+
+def frame(found: Sequence[Standing]) -> pd.DataFrame:
+    """Standings as numbers: shares of the bound, kJ, axle seconds, with intervals."""
+    rows = []
+    for one in found:
+        row: Row = {"controller": one.controller, "rule": one.rule, "events": one.used.events}
+        for name in ("used", "gain", "damage", "slip"):
+            number: Interval = getattr(one, name)
+            row |= {name: number.value, f"{name}_low": number.low, f"{name}_high": number.high}
+        rows.append(row | {"over_delivery": one.over, "tied": one.tied, "mark": one.mark})
+    return pd.DataFrame(rows)
+
+
+HEAD = ("rule", "used %", "points over alone", "damage kJ", "slip axle s")
+
+
+def lines(found: Sequence[Standing]) -> list[str]:
+    """The table for a terminal of 80 columns, a block for each controller, and what its marks mean."""
+    said = []
+    for controller in dict.fromkeys(one.controller for one in found):
+        own = [one for one in found if one.controller == controller]
+        table = [HEAD] + [
+            (
+                one.name,
+                f"{100 * one.used.value:.1f}",
+                _short(one.gain, 2, 100.0),
+                _short(one.damage, 0),
+                _short(one.slip, 0),
+            )
+            for one in own
+        ]
+        shown = [k for k in range(len(HEAD)) if any(row[k] for row in table[1:])]
+        widths = [max(len(row[k]) for row in table) for k in range(len(HEAD))]
+        less = f", less {REFERENCE} with 95 % intervals" if 2 in shown else ""
+        said += ["", f"under {controller}{less}:"]
+        for row in table:
+            texts = [row[k].rjust(widths[k]) if k else row[k].ljust(widths[k]) for k in shown]
+            said.append("  ".join(texts).rstrip())
+    marks = {
+        "=": "= not to be told from the best",
+        "°": "° knows the rail, as nobody on board can",
+        "*": f"* delivers more than {MOST_OVER:.0%} beyond the plan, not ranked",
+        "†": "† some runs failed and are left out",
+    }
+    text = "\n".join(said)
+    said += ["", *(words for mark, words in marks.items() if mark in text)]
+    return said + informed([one.rule for one in found])
+
+
+def _short(one: Interval, digits: int, scale: float = 1.0) -> str:
+    return one.text(digits, scale, sign=True) if one.events and (one.value or one.high) else ""
+
+
+CAPS = ("the foremost limited unit's adhesion", "every unit's adhesion at its slip", "what every unit delivers",
+        "the true peaks ahead", "the true rail")  # fmt: skip
+ASKED = ("while a unit is limited", "step by step while one is", "always", "at the leader's slip",
+         "while the leader slips", "at any unit's slip", "always")  # fmt: skip
+"""What rules are told, by `Caps`, and when they are asked, by `Trigger`."""
+
+
+def informed(rules: Sequence[str]) -> list[str]:
+    """Which rules know what, where they differ: then a comparison is of information too."""
+    groups: dict[str, list[str]] = {}
+    for name in dict.fromkeys(rules):
+        if name != REFERENCE:
+            rule = RULES[name]
+            groups.setdefault(f"{CAPS[rule.caps]}, {ASKED[rule.trigger]}", []).append(name)
+    if len(groups) < 2:
+        return []
+    found = [f"{', '.join(names)}: told {words}" for words, names in groups.items()]
+    return [part for one in found for part in _folded(one)]
+
+
+def _folded(text: str) -> list[str]:
+    """Lines of at most 78 columns."""
+    return wrap(text, 78, subsequent_indent="  ", break_on_hyphens=False)
+
+
+def answer(found: Sequence[Standing]) -> str:
+    """The answer, a sentence for each controller."""
+    said = []
+    for controller in dict.fromkeys(one.controller for one in found):
+        own = [one for one in found if one.controller == controller]
+        tied = [one for one in own if one.tied]
+        if len(own) < 2 or not tied or not tied[0].gain.events:
+            continue
+        bound = next((one for one in own if RULES[one.rule].needs_truth), None)
+        names = ", ".join(one.rule for one in tied[:3])
+        names += f" and {len(tied) - 3} more" if len(tied) > 3 else ""
+        told = "cannot be told apart" if len(tied) > 1 else "uses most"
+        ideal = (
+            f"; {bound.rule}, which knows the rail, {100 * bound.gain.value:+.2f}" if bound else ""
+        )
+        gain = tied[0].gain.text(2, 100.0, sign=True)
+        said.append(f"Under {controller}, {names} {told}: {gain} points over {REFERENCE}{ideal}.")
+    few = found and found[0].used.events < FEW
+    said += ["Intervals are over seeds of few events and say nothing of others."] * bool(
+        said and few
+    )
+    return "\n".join(said) or "One rule, or none to compare with: the table has its numbers."
+
+
+def as_json(rows: pd.DataFrame) -> dict[str, Any]:
+    """What a program reads: about the comparison, the metrics, and every event under every rule and controller."""
+    names = [name for name in METRICS if name in rows]
+    found = []
+    for (scenario, rule, law), own in rows.groupby(["scenario", "rule", "controller"], sort=False):
+        good, bad = own[own["status"] == "ok"], own[own["status"] != "ok"]
+        numbers = {}
+        for name in names:
+            x = good[name].dropna()
+            spread = x.std() * _student(len(x)) if len(x) > 1 else 0.0
+            numbers[name] = (
+                {"mean": float(x.mean()), "half_width": float(spread)} if len(x) else None
+            )
+        found.append(
+            {
+                "scenario": scenario,
+                "rule": rule,
+                "controller": law,
+                "seeds": len(own),
+                "failed": len(bad),
+                "reasons": list(dict.fromkeys(bad["reason"])),
+                "metrics": numbers,
+            }
+        )
+    about = {"runs": len(rows), "answer": answer(standings(rows)).splitlines()}
+    metrics = {name: {"unit": METRICS[name].unit, "description": METRICS[name].description}
+               for name in names}  # fmt: skip
+    table = frame(standings(rows)).to_dict(orient="records")
+    return {"about": about, "metrics": metrics, "standings": table, "rows": found}
+
+
+def _student(count: int) -> float:
+    """Factor from the standard deviation of `count` values to half the width of their mean's 95 % interval."""
+    from scipy.stats import t
+
+    return float(t.ppf(0.975, count - 1) / np.sqrt(count))
+
+
+def figure(found: Sequence[Standing]) -> "Figure":
+    """Points of the bound over `alone` with intervals, rule by rule, a panel for each controller."""
+    laws = list(dict.fromkeys(one.controller for one in found))
+    rules = list(dict.fromkeys(one.rule for one in found if one.rule != REFERENCE))[::-1]
+    from matplotlib.figure import Figure
+
+    height = 0.2 * len(rules) + 0.9
+    drawn = Figure(figsize=(min(7.16, 2.2 * len(laws) + 1.0), height), layout="constrained")
+    panels = drawn.subplots(1, max(1, len(laws)), sharey=True, squeeze=False)[0]
+    for axes, law in zip(panels, laws, strict=False):
+        for one in found:
+            if one.controller == law and one.rule != REFERENCE and one.gain.events:
+                value, low, high = (100.0 * number for number in one.gain[:3])
+                ends = [[value - low], [high - value]] if low < high else None
+                axes.errorbar(
+                    value,
+                    rules.index(one.rule),
+                    xerr=ends,
+                    color=RULES[one.rule].colour,
+                    marker=RULES[one.rule].marker,
+                    markerfacecolor="none" if one.mark else None,
+                )
+        axes.axvline(0.0, color="0.6", linewidth=0.8)
+        axes.set(title=law, xlabel=f"points over {REFERENCE}")
+        axes.set_yticks(range(len(rules)), rules)
+    return drawn

@@ -1,1 +1,0 @@
-"""The comparison of rules and controllers over the shipped slip events."""

@@ -1,1 +1,0 @@
-"""What every study is made of: cells, rows kept on disk, verdicts, statements."""

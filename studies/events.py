@@ -1,0 +1,128 @@
+"""What populations of random events have in common: draws, and keys of scenarios made of them.
+
+An event follows from its seed and its number, so more events extend fewer. What is drawn is assumed where no source is
+named: half of it is weather.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from alloc.plant.adhesion import CURVES, CreepCurve
+from alloc.plant.model import level_for
+from alloc.plant.train import Train
+from alloc.units import unit_of
+
+Keys = dict[str, Any]
+"""A table of a scenario file."""
+Drawn = Mapping[str, Any]
+
+START_SPEED = 15.0 / 3.6
+"""Speed at which the rail of a start offers its drawn level, whatever its curve [m/s]."""
+SHAPES = {
+    "piecewise": ("residual_ratio",),
+    "slip-ratio": ("peak_slip_ratio", "residual_ratio"),
+    "rational": ("peak_slip", "steepness"),
+}
+"""Parameters that are drawn for an adhesion curve; others have none."""
+
+
+class Draw:
+    """The random numbers of event `k`; `stream` keeps populations apart."""
+
+    def __init__(self, seed: int, k: int, *stream: int) -> None:
+        self.generator = np.random.default_rng([seed, k, *stream])
+
+    def uniform(self, low: float, high: float) -> float:
+        """Uniform."""
+        return float(self.generator.uniform(low, high))
+
+    def log_uniform(self, low: float, high: float) -> float:
+        """Uniform in its logarithm."""
+        # of `math`: NumPy's differ in the last bit, and so would the events
+        return math.exp(self.uniform(math.log(low), math.log(high)))
+
+    def sometimes(self, share: float, low: float, high: float, otherwise: float) -> float:
+        """Uniform in this share of the events."""
+        return self.uniform(low, high) if self.generator.random() < share else otherwise
+
+    def one_of(self, values: Sequence[str], shares: Sequence[float] | None = None) -> str:
+        """One of these, equally likely or by their shares."""
+        return str(self.generator.choice(list(values), p=shares))
+
+    def signals_of_start(self, most_load: float) -> Keys:
+        """What every start draws last: loads [t] and their growth along the train, errors of signals, a gradient."""
+        return {
+            "load_t": self.uniform(0.0, most_load),
+            "tilt": self.uniform(-0.8, 0.8),  # passengers gather at one end of the platform
+            "load_error": self.uniform(0.0, 0.05),  # pressure of air springs
+            "speed_noise_kmh": self.uniform(0.0, 0.04),
+            "telegram_loss": self.uniform(0.0, 0.05),
+            "grade_permille": self.sometimes(0.4, 5.0, 20.0, 0.0),  # most stations are level
+        }
+
+
+def stated(key: str, size: float) -> float:
+    """0 where a draw is smaller than any size that files know."""
+    return size if abs(size) >= unit_of(key).least else 0.0
+
+
+def signals(d: Drawn) -> Keys:
+    """Keys of sensors and telegrams."""
+    noise, loss = stated("_kmh", d["speed_noise_kmh"]), stated("", d["telegram_loss"])
+    return {
+        "sensors": {"speed_noise_kmh": noise, "load_error": d["load_error"]},
+        "telegrams": {"jitter_s": 0.03, "loss": loss},
+    }
+
+
+def loads(d: Drawn, cars: int) -> list[float]:
+    """Pay load of each car [t], growing along the train."""
+    along = d["load_t"] * (1.0 + d["tilt"] * np.linspace(-1.0, 1.0, cars))
+    return [stated("_t", one) for one in along.tolist()]
+
+
+def line(d: Drawn, start: float = -1000.0) -> Keys:
+    """A line with the drawn gradient from `start` [m] on."""
+    grade = stated("_permille", d["grade_permille"])
+    return {"sections": [{"start_m": start, "grade_permille": grade}]}
+
+
+def stretch(factor: float, start: float, end: float) -> list[Keys]:
+    """A stretch of rail [m] with so much of the coefficient; none where it has all of it."""
+    if factor == 1.0:
+        return []
+    return [{"factor": factor, "start_m": start, "end_m": end, "edge_m": 4.0}]
+
+
+def patch(d: Drawn, begin: float = 0.0) -> list[Keys]:
+    """The drawn patch, counted from `begin` [m]."""
+    start = begin + d["patch_start_m"]
+    return stretch(d["patch_factor"], start, start + d["patch_length_m"])
+
+
+def drop(d: Drawn, begin: float = 0.0) -> list[Keys]:
+    """The drawn fall of adhesion for a time, counted from `begin` [s]."""
+    if d["drop_factor"] == 1.0:
+        return []
+    start = begin + d["drop_begin_s"]
+    until = start + d["drop_length_s"]
+    return [{"factor": d["drop_factor"], "begin_s": start, "until_s": until, "fade_s": 0.3}]
+
+
+def curve(kind: str, d: Drawn) -> Keys:
+    """An adhesion curve with what was drawn of its shape."""
+    return {"kind": kind} | {name: d[name] for name in SHAPES.get(kind, ())}
+
+
+def offering(curve: Drawn, adhesion: float, train: Train, speed: float = START_SPEED) -> Keys:
+    """Level and curve of a rail that offers `adhesion` to `train` at `speed` [m/s].
+
+    The level of Polach's curves is the friction coefficient, above their peak; that of others is the peak.
+    """
+    law = CURVES[curve["kind"]](**{key: one for key, one in curve.items() if key != "kind"})
+    creep = isinstance(law, CreepCurve)
+    level = level_for(law, adhesion, speed, train) if creep else adhesion
+    return {"level": float(level), "curve": dict(curve)}

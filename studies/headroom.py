@@ -1,0 +1,269 @@
+"""What each rule gains where there is something to gain: random starts in which units find more and less than the plan.
+
+Headroom is what only sharing between units can reach, as a share of the plan. Here the growth of adhesion along the train,
+rail that is better or worse below its front, or failed motors make it. It is read under the oracle with the same
+controller: the train then is where it could be.
+"""
+
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+
+from alloc.metrics.use import train_bounds
+from alloc.plant.model import structure_of
+from alloc.rules import RULES
+from paper_figs.style import WIDE
+from studies import events as e
+from studies.claims import CONTROLLERS, costs
+from studies.core import Cell, Row, Study
+from studies.runs import cell, complete, paired, run
+from studies.scenario import Scenario, load
+from studies.statistics import Claim, Statement, judge, mean
+
+BASE, OWN, BOUND = "alone", "cooperative", "oracle"
+"""What gains count from; this project's own rule, which has goals; the rule under which headroom is read."""
+SHARERS = ("uniform", "preset", "sharing", "greedy", "exact", OWN, "wear")
+
+# the events
+
+DURATION = 12.0
+"""Length [s]; at its end the motors still reach the plan."""
+BELIEVED = 0.0083 / 0.07
+"""Slope of the increments that trains believe in, over the plan: JP5484215 (15), in proportion."""
+FAR = 1e4
+"""Beyond every train [m]."""
+_GENTLE = [{"time_s": 0.0, "acceleration_kmhs": 2.2}]
+"""Sixteen cars are asked for less than 2.6 km/h/s, at which motors have a reserve of a tenth."""
+TRAINS: dict[str, tuple[str, e.Keys]] = {
+    "8 cars, 4 units": ("wet-start", {"inverter_group": "1C4M"}),
+    "16 cars, 14 units": ("wet-start", {"train": "high-speed-16car", "command": _GENTLE}),
+    "8 cars, 16 units": ("wet-start", {"inverter_group": "1C1M"}),
+    "locomotive, 6 units": ("freight-start", {}),
+    "8 cars, 8 units": ("wet-start", {"inverter_group": "1C2M"}),
+}
+"""Train -> the scenario whose train and command it has, and the changes to it."""
+WANTED = ((0.0, 0.015), (0.025, 0.05), (0.065, 0.10), (0.10, 0.18))
+"""Headroom that its source is to make, by class; a train that moves over the rail meets less."""
+
+
+@cache
+def draw(seed: int, k: int) -> e.Keys:
+    """What is drawn for event `k`. Trains take turns, and so do classes of headroom, each for five events."""
+    g = e.Draw(seed, k, 14)
+    return {
+        "train": list(TRAINS)[k % 5],
+        "wanted": g.uniform(*WANTED[k // 5 % 4]),
+        "source": g.one_of(
+            ("growth", "bad front", "bad rear", "failed motors"), [0.4, 0.2, 0.2, 0.2]
+        ),
+        # of the plan from the first axle to the last, where something else makes the headroom
+        "growth": g.uniform(-0.05, 0.2),
+        "border": g.uniform(0.1, 0.9),  # where good and bad rail meet, of the train's length
+        "failed_place": g.uniform(0.0, 1.0),  # any unit may fail
+        "failed_at_s": g.uniform(1.0, 5.0),  # before and after the torque is up
+        "level_ratio": g.uniform(0.96, 1.06),  # times the plan: far from it nothing can be gained
+        "demand": g.uniform(0.85, 1.0),  # motors have 17 to 70 % in hand
+        "curve": g.one_of(
+            ("piecewise", "polach")
+        ),  # a narrow peak, in which trains believe; a wide one
+        "residual_ratio": g.uniform(0.5, 0.9),
+        "scatter_share": g.sometimes(0.5, 0.01, 0.06, 0.0),
+        "conditioning": g.sometimes(0.4, 0.05, 0.3, 0.0),  # wheels that slip clean the rail
+        "patch_factor": g.sometimes(0.3, 0.6, 0.9, 1.0),
+        "patch_start_m": g.uniform(5.0, 30.0),
+        "patch_length_m": g.uniform(10.0, 60.0),
+        **g.signals_of_start(6.0),
+    }
+
+
+def event(seed: int, k: int) -> Scenario:
+    """Event `k`."""
+    d = draw(seed, k)
+    base, changes = TRAINS[d["train"]]
+    start = load(base).changed(**changes)
+    asked = d["demand"] * start.command[0].acceleration_kmhs
+    if start.load_t is None:
+        start = start.changed(load_t=e.loads(d, len(start.event().model.train.cars)))
+    made, fails = start.event(), d["source"] == "failed motors"
+    train, plan = made.model.train, made.equipment.planned_share * asked / 3.6
+    offered = plan * d["level_ratio"] * (1.0 + 1.3 * d["wanted"] if fails else 1.0)
+    rail = e.offering(e.curve(d["curve"], d), offered, train)
+    unit = structure_of(train)[0].axle_unit
+    failed = {
+        "unit": int(d["failed_place"] * (int(unit.max()) + 1)) + 1,
+        "time_s": d["failed_at_s"],
+    }
+    # ten points of growth make one of headroom; at 0.75 the first axle finds less than half of the plan
+    growth = min(d["wanted"] / 0.1, 0.75) if d["source"] == "growth" else d["growth"]
+    grown = np.log(np.arange(1.0, unit.size + 1.0)) / np.log(unit.size)
+    # a curve makes of the increments what it makes of the coefficient at rest
+    increments = plan * rail["level"] / offered * growth * (grown - grown[unit >= 0].mean())
+    length = sum(car.length for car in train.cars)
+    rail |= {
+        "increments": {"law": "given", "values": increments.tolist()},
+        "conditioning": d["conditioning"],
+        "scatter": d["scatter_share"] * plan,
+        "scatter_length_m": 20.0,
+        "patches": [*_sides(d, length), *e.patch(d)],
+    }
+    believed = {"law": "logarithmic", "slope": BELIEVED * plan, "offset": 0.0}
+    return start.changed(
+        name=f"headroom-{seed}-{k:04d}",
+        title=f"random event {k} with headroom",
+        case=None,
+        duration_s=DURATION,
+        variation=None,
+        target_speed_kmh=None,
+        rail=rail,
+        onboard=e.signals(d),
+        command=[{"time_s": 0.0, "acceleration_kmhs": asked}],
+        failures=[failed] if fails else [],
+        line=e.line(d, -FAR),
+        belief={"curve": {"kind": "piecewise"}, "increments": believed},
+    )
+
+
+def _sides(d: e.Drawn, length: float) -> list[e.Keys]:
+    """Rail better and worse than the mean on either side of a place below the train."""
+    if d["source"] not in ("bad front", "bad rear"):
+        return []
+    spread = 2.0 * d["wanted"] * (1.0 if d["source"] == "bad front" else -1.0)
+    border = -length * d["border"]
+    return e.stretch(1.0 + spread, -FAR, border) + e.stretch(1.0 - spread, border, FAR)
+
+
+def measure(found: xr.Dataset) -> Row:
+    """plan_use: effort, instant by instant the plan at most, over the plan; the metric headroom has the same scale."""
+    bound = train_bounds(found)
+    return {"plan_use": float(np.minimum(bound.force, bound.plan).sum() / bound.plan.sum())}
+
+
+DRAWN = ("train", "source", "curve")
+
+
+def cells(events: int, seed: int) -> list[Cell]:
+    """Every event under every rule and controller; its number is the seed of all of them."""
+    found = []
+    for k in range(events):
+        one, drawn = event(seed, k), {name: draw(seed, k)[name] for name in DRAWN}
+        found += [cell(one, rule, law, k, measure, **drawn)
+                  for law in CONTROLLERS for rule in (BASE, *SHARERS, BOUND)]  # fmt: skip
+    return found
+
+
+# what comes out
+
+GOAL, SHARE, EXCESS = 99.5, 80.0, 0.5
+"""Goals: use of the bound [%], share of the headroom gained [%], most delivery beyond the plan [% of it]."""
+WORTH = 1.0
+"""Headroom [points of the plan] above which a share of it says something."""
+
+
+def pairs(rows: pd.DataFrame, controller: str, rule: str) -> pd.DataFrame:
+    """One row per event, with `room`, the headroom, `gain` over `BASE` [points of the plan], and `left`, see `USE`."""
+    own = paired(rows, controller, rule, (BASE, BOUND), DRAWN)
+    return own.assign(
+        room=100.0 * own[f"headroom_{BOUND}"],
+        gain=100.0 * (own["plan_use"] - own[f"plan_use_{BASE}"]),
+        left=1.0 - own["bound_use"] - own["held_back"],
+    )
+
+
+def gained(own: pd.DataFrame) -> "pd.Series[float]":
+    """Share [%] of the headroom gained: values whose mean is all gains over all headrooms (linearised ratio)."""
+    worth = own[own["room"] > WORTH]
+    if worth.empty:
+        return worth["gain"]
+    whole = worth["gain"].sum() / worth["room"].sum()
+    return 100.0 * (whole + (worth["gain"] - whole * worth["room"]) / worth["room"].mean())
+
+
+def parts_of(own: pd.DataFrame) -> dict[str, "pd.Series[bool]"]:
+    """Events by headroom, train, and width of the curve's peak."""
+    classes = ("up to 1 point", "of 1 to 3 points", "of 3 to 5 points", "above 5 points")
+    rooms = pd.cut(own["room"], [-np.inf, 1.0, 3.0, 5.0, np.inf], labels=list(classes))
+    peaks = {"a narrow peak": "piecewise", "a wide peak": "polach"}
+    return {
+        **{f"headroom {name}": rooms == name for name in classes},
+        **{name: own["train"] == name for name in TRAINS},
+        **{name: own["curve"] == kind for name, kind in peaks.items()},
+    }
+
+
+def statements(rows: pd.DataFrame) -> list[Statement]:
+    """What each rule gains, and the goals of this project's own; one family."""
+    good, claims = complete(rows), []
+    for law in CONTROLLERS:
+        for rule in SHARERS:
+            own = pairs(good, law, rule)
+            text = "delivers more than alone: effort up to the plan [points of it]"
+            claims.append(
+                Claim(f"{rule}, {law}", text, own["gain"], 0.0, parts=parts_of(own), digits=2)
+            )
+        own = pairs(good, law, OWN)
+        slip, damage = (own[name] - own[f"{name}_{BASE}"] for name in ("slip_time", "damage"))
+        besides = [
+            ("slip over alone [axle s]", slip, -np.inf, 0.0),
+            ("wheel damage over alone [kJ]", damage, -np.inf, 0.0),
+            ("beyond the plan [% of it]", 100.0 * own["over_delivery"], -np.inf, EXCESS),
+        ]
+        text, used = f"uses {GOAL:g} % of the bound, at no cost: bound used [%]", own["bound_use"]
+        claims.append(Claim(f"{OWN}, {law}: bound", text, 100.0 * used, GOAL,
+                            parts=parts_of(own), besides=besides, digits=2))  # fmt: skip
+        text = f"gains {SHARE:g} % of headrooms above one point: share gained [%]"
+        claims.append(Claim(f"{OWN}, {law}: headroom", text, gained(own), SHARE, digits=1))
+    return judge(claims)
+
+
+USE = {
+    "bound used [%]": ("bound_use", 1, 100.0),
+    "left by the sharing [%]": ("left", 1, 100.0),
+    "beyond the plan [%]": ("over_delivery", 2, 100.0),
+    "Q over the least at this effort [%]": ("excess_damage", 1, 100.0),
+}
+"""Heading -> number, digits, scale. What the sharing leaves of the bound is what units miss that no controller limits."""
+COSTS = {"slip [axle s]": ("slip_time", 1, 1.0), "wheel damage Q [kJ]": ("damage", 0, 1.0)}
+
+
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Per controller and rule: use of the bound, share of the headroom, and what it costs, less that of alone."""
+    good, lines = complete(rows), []
+    verdicts = {one.claim.name: one.verdict for one in statements(rows)}
+    for law in CONTROLLERS:
+        for rule in (BASE, *SHARERS, BOUND):
+            own, less = pairs(good, law, rule), BASE if rule != BASE else ""
+            line = {
+                "controller": law,
+                "rule": rule,
+                **costs(own, "", USE),
+                "headroom gained [%]": mean(gained(own)).text(1) if less else "–",
+                "less": less or "–",
+                **costs(own, less, COSTS),
+                "delivers more than alone": verdicts.get(f"{rule}, {law}", "–"),
+            }
+            lines.append(line)
+    return pd.DataFrame(lines)
+
+
+def figure(rows: pd.DataFrame) -> Figure:
+    """Gain over headroom, event by event; on the line all of it is gained."""
+    good = complete(rows)
+    drawn = Figure(figsize=(WIDE, 2.6), layout="constrained")
+    panels = drawn.subplots(1, 2, sharey=True)
+    for axes, law in zip(panels, CONTROLLERS, strict=True):
+        for rule in ("greedy", "sharing", OWN):
+            own, look = pairs(good, law, rule), RULES[rule]
+            axes.plot(own["room"], own["gain"], look.marker, color=look.colour, markersize=2.5,
+                      alpha=0.7, label=rule)  # fmt: skip
+        axes.axline((0.0, 0.0), slope=1.0, color="0.5", linewidth=0.8)
+        axes.set(title=law, xlabel="headroom [points of plan]")
+    panels[0].set_ylabel("gain over alone [points of plan]")
+    panels[0].legend()
+    return drawn
+
+
+QUESTION = "What does each rule gain where there is something to gain, and what does it cost?"
+STUDY = Study("headroom", QUESTION, cells, run, table, figure, statements, events=300)

@@ -1,1 +1,0 @@
-"""The ladder of readhesion controllers; other curves, rails that rest, the joint optimum, and broad events."""

@@ -1,0 +1,349 @@
+"""JP5484215: growth of adhesion along the train, from counts of slides (12) to (15), and learnt on the way (16), (17).
+
+In embodiment 2 every unit tells the leader the coefficient at its slips. Less the leader's own one it is a datum of the unit's
+increment. Increments change "after several stations", so between runs: what the leader was told stands in the record
+of a run, and learning needs no code on board. Here trains begin with increments of zero or twice the true ones, on an even
+and on a scattered rail. Rules are called as printed, at slips alone, because there (5) decides every cap.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import product
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from alloc.event import Event
+from alloc.metrics import METRICS
+from alloc.onboard.increment_learning import IncrementLearning
+from alloc.plant.laws import hyperbolic_speed_law
+from alloc.plant.rail import SPEED_LAWS, logarithmic_increments
+from alloc.simulation import simulate
+from studies.core import Cell, Row, Study, StudyError
+from studies.scenario import load
+from studies.statistics import Claim, Statement, judge, mean
+
+Floats = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+# From slides per axle to increments.
+
+SIGMA = 0.012
+"""Standard deviation of measured coefficients about the planned one, par. 0055."""
+LEAD = 4
+"""Axles of the lead car, whose mean is the reference."""
+LEAD_LOG = float(np.log(np.arange(1, LEAD + 1)).mean())
+SLOPE = 0.0083
+"""Of (15) over ln j."""
+
+
+def planned(speed: Floats) -> Floats:
+    """Coefficient that an automatic brake asks for at `speed` [m/s], (12)."""
+    return np.asarray(hyperbolic_speed_law(speed, *SPEED_LAWS["shinkansen"]))
+
+
+def drawn_counts(axles: int, brakings: int, seed: int = 0) -> Counts:
+    """Slides per axle over some brakings, drawn from (14) and (15), (axles,); the counts of Fig. 11 are lost."""
+    often = norm.cdf(-logarithmic_increments(axles) / SIGMA)
+    return np.random.default_rng(seed).poisson(brakings * often)
+
+
+def axle_shifts(slides: Counts) -> tuple[Floats, Floats]:
+    """k_j sigma of each axle from its slides, (13) and (14), and its covariance due to counting; (axles,), (axles, axles).
+
+    Counts are Poisson; the covariance is linearised and has the error of the lead car's mean, which all axles share. nan for
+    axles without a slide, or with twice the lead car's mean.
+    """
+    count, lead = slides.astype(float), np.arange(slides.size) < LEAD
+    average = count[lead].mean()
+    if average == 0.0:
+        raise StudyError("slides: the lead car never slid, so there is no reference")
+    ratio = count / (2.0 * average)
+    known = (ratio > 0.0) & (ratio < 1.0)
+    k = np.where(known, -norm.ppf(np.where(known, ratio, 0.5)), np.nan)
+    change = np.diag(1.0 / np.where(known, count, 1.0)) - lead / (LEAD * average)
+    jacobian = -SIGMA * (ratio / norm.pdf(k))[:, None] * change
+    return SIGMA * k, jacobian * count @ jacobian.T
+
+
+def fit(shift: Floats, covariance: Floats) -> tuple[float, float]:
+    """Slope of k_j sigma over ln j and its standard error; axles count by their errors, the lead car's mean is 0, (15)."""
+    known = np.flatnonzero(np.isfinite(shift))
+    if known.size < 3:
+        raise StudyError(f"slides: {known.size} axles with a usable count; a line needs 3 at least")
+    log, weight = np.log(known + 1.0), 1.0 / np.diag(covariance)[known]
+    centred = log - np.average(log, weights=weight)
+    gain = weight * centred / (weight @ centred**2)
+    variance = gain @ covariance[np.ix_(known, known)] @ gain
+    return float(gain @ shift[known]), float(np.sqrt(variance))
+
+
+def unit_increments(per_axle: Floats, axle_unit: NDArray[np.int64]) -> Floats:
+    """Mean over a unit's axles less that of the foremost unit, (units,); `axle_unit` (axles,) is -1 for axles of none."""
+    found = np.array([per_axle[axle_unit == j].mean() for j in range(int(axle_unit.max()) + 1)])
+    return found - found[0]
+
+
+# Learning from recorded runs.
+
+FIRST, FURTHER = 10, 5
+"""N_min and N_arg: new data for the first update of a unit, and for later ones. The source prints no numbers."""
+ORIGINAL, DEVIATION = 10.0, 0.010
+"""N_z, number of data behind the increments stored at first; their standard deviation, half of the largest one. Assumed."""
+
+
+class Arm(NamedTuple):
+    """How a train learns. By (16), (17), or a Gaussian posterior after each datum; "none" and "truth" keep what is stored.
+
+    `held`: data are relative to the leader's own last slip, not to its coefficient at their receipt (par. 0064). `grows`:
+    N_z counts data that were learnt, not the original ones alone (par. 0067).
+    """
+
+    learner: Literal["none", "truth", "mean", "gaussian"]
+    held: bool = False
+    grows: bool = False
+
+
+ARMS = {
+    "none": Arm("none"),
+    "truth": Arm("truth"),
+    "mean": Arm("mean"),
+    "mean_growing": Arm("mean", grows=True),
+    "mean_held": Arm("mean", held=True, grows=True),
+    "gaussian_held": Arm("gaussian", held=True),
+}
+
+
+class Stored:
+    """What the leader has stored of each unit: its increment, the data behind it and those that wait."""
+
+    def __init__(self, increment: Floats) -> None:
+        n = increment.size
+        self.increment, self.deviation = increment.copy(), np.full(n, DEVIATION)
+        self.behind, self.updates = np.full(n, ORIGINAL), np.zeros(n, dtype=int)
+        self.waiting: list[list[float]] = [[] for _ in range(n)]
+
+    def learn(self, arm: Arm, found: Iterable[tuple[int, float]]) -> None:
+        """Take data of units."""
+        for j, datum in found:
+            if arm.learner == "mean":
+                self.waiting[j].append(datum)
+            elif arm.learner == "gaussian":
+                gain = self.deviation[j] ** 2 / (self.deviation[j] ** 2 + SIGMA**2)
+                self.increment[j] += gain * (datum - self.increment[j])
+                self.deviation[j] *= np.sqrt(1.0 - gain)
+        for j, new in enumerate(self.waiting):
+            n, old = len(new), self.behind[j]
+            if n >= (FURTHER if self.updates[j] else FIRST):
+                average = sum(new) / n  # (16)
+                self.increment[j] = (self.increment[j] * old + average * n) / (old + n)  # (17)
+                self.behind[j] += n * arm.grows
+                self.updates[j] += 1
+                new.clear()
+
+
+def data(run: xr.Dataset, event: Event, held: bool) -> list[tuple[int, float]]:
+    """Unit and datum of each slip behind the leader in a `run` of a sound train, in the order of their receipt.
+
+    A slip is told in the next telegram. `held`: see `Arm`; the leader's last slip counts for its hold time.
+    """
+    time, estimate = run["time"].values, run["coefficient_estimate"].values
+    telegrams, hold = event.onboard.telegrams, event.onboard.hold_time
+    slips = np.argwhere(np.diff(run["slipping"].values, axis=0, prepend=0) > 0)
+    own, found = slips[slips[:, 1] == 0, 0], list[tuple[int, int, float]]()
+    for at, unit in slips[slips[:, 1] > 0]:
+        sent = np.ceil(time[at] / telegrams.period - 1e-6) * telegrams.period
+        receipt = sent + telegrams.latency
+        k = round(float(receipt / (time[1] - time[0])))
+        before = own[own <= k]
+        if k >= time.size or (held and not (before.size and receipt - time[before[-1]] <= hold)):
+            continue
+        reference = estimate[before[-1] if held else k, 0]
+        found.append((k, int(unit), float(estimate[at, unit] - reference)))
+    return [(unit, datum) for _, unit, datum in sorted(found)]
+
+
+# The study: an event is a train in one running direction, which starts at every station of a line.
+
+STATIONS, DURATION = 24, 12.0
+"""Number of starts, and their length [s]."""
+LEVEL, HALF_WIDTH = 0.128, 0.0147
+"""Adhesion coefficient of the rail, uniform over stations: below 0.147, so that the foremost unit slips at every start, and on
+both sides of the level at which the train as a whole reaches the plan."""
+RAILS = {"even": 0.0, "scattered": 0.0085}
+"""Scatter along the rail, assumed half of the variance of `SIGMA`; the level has the other half."""
+AT_FIRST = {"too low": 0.0, "too high": 2.0}
+"""Increments stored at first over the true ones."""
+KINDS = tuple(product(RAILS, AT_FIRST))
+TOLERANCE, LITTLE = 0.002, 0.01
+"""Largest error of a unit with which increments count as learnt, a tenth of the largest one; share of the plan's effort that
+is little."""
+METRIC_NAMES = ("effort_ratio", "slip_time", "damage")
+
+# Until the rules' trigger can be "any unit's slip", the leader calls the rule at slips of other units only while it collects
+# data on board. It changes no increment with this setting.
+CALLED_AT_ALL_SLIPS = IncrementLearning("running-mean", first=10**9)
+
+
+def start(kind: tuple[str, str], event: int, station: int, seed: int) -> Event:
+    """A start at a station, the same in every arm; trains run forward in even events, backward in odd ones."""
+    train, backward = divmod(event, 2)
+    numbers = (seed, train, KINDS.index(kind), backward, station)
+    event_seed, level_seed = np.random.SeedSequence(numbers).generate_state(2).tolist()
+    level = LEVEL + HALF_WIDTH * float(np.random.default_rng(level_seed).uniform(-1.0, 1.0))
+    base = load("wet-start")
+    rail = base.rail.model_dump() | {"level": level, "scatter": RAILS[kind[0]]}
+    how = {"variation": None, "duration_s": DURATION, "reversed": backward == 1}
+    return base.changed(rail=rail, onboard={"trigger": "slip"}, **how).event(event_seed)
+
+
+def run(rail: str, at_first: str, arm: str, event: int, seed: int, stations: int) -> list[Row]:
+    """All starts of an event."""
+    how, rows, stored = ARMS[arm], list[Row](), None
+    for station in range(1, stations + 1):
+        own = start((rail, at_first), event, station, seed)
+        per_axle = np.asarray(own.model.rail.increments, dtype=float)
+        truth = unit_increments(per_axle, own.model.structure.axle_unit)
+        if stored is None:
+            stored = Stored((1.0 if how.learner == "truth" else AT_FIRST[at_first]) * truth)
+        belief = replace(own.onboard.belief, unit_increments=tuple(stored.increment.tolist()))
+        onboard = replace(own.onboard, belief=belief, learning=CALLED_AT_ALL_SLIPS)
+        found = simulate(replace(own, onboard=onboard), "exact")
+        heard = {name: data(found, own, name == "held") for name in ("received", "held")}
+        stored.learn(how, heard["held" if how.held else "received"])
+        row: Row = {"station": station, "error": float(np.abs(stored.increment - truth)[1:].max())}
+        for name, items in heard.items():
+            row[f"data_{name}"] = len(items)
+            row[f"above_{name}"] = float(sum(datum - truth[j] for j, datum in items))
+        rows.append(row | {name: float(METRICS[name].function(found)) for name in METRIC_NAMES})
+    return rows
+
+
+def cells(events: int, seed: int) -> list[Cell]:
+    """Every event on each kind of rail and with each kind of stored increments, in every arm."""
+    found = []
+    for event, (rail, first), arm in product(range(events), KINDS, ARMS):
+        columns = {"rail": rail, "at_first": first, "arm": arm, "event": event}
+        args = (rail, first, arm, event, seed, STATIONS)
+        found.append(Cell(f"{rail}/{first}/{arm}/{event}", args, columns))
+    return found
+
+
+def series(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row per kind and event, with a column NAME_ARM for each number.
+
+    These are: error after the last station; station from which it stays within `TOLERANCE`, nan for never; mean excess of
+    data over the truth; and of the second half of the stations mean effort over the plan's, slip time [axle s], damage [kJ].
+    """
+    rows = rows[rows["status"] == "ok"].sort_values("station")
+    keys, last = ["rail", "at_first", "event", "arm"], rows["station"].max()
+    found = rows[rows["station"] > last // 2].groupby(keys)[list(METRIC_NAMES)].mean()
+    groups = rows.groupby(keys)
+    found["error"] = groups["error"].last()
+    outside = rows[rows["error"] > TOLERANCE].groupby(keys)["station"].max()
+    until = outside.reindex(found.index).fillna(0.0) + 1.0
+    found["stations"] = until.where(until <= last)
+    for reference in ("received", "held"):
+        number = groups[f"data_{reference}"].sum()
+        found[f"excess_{reference}"] = groups[f"above_{reference}"].sum() / number.where(number > 0)
+    wide = found.unstack("arm")
+    wide.columns = [f"{name}_{arm}" for name, arm in wide.columns]
+    return wide.reset_index()
+
+
+def statements(rows: pd.DataFrame) -> list[Statement]:
+    """Verdicts as one family, and by kind."""
+    by = series(rows)
+    parts = {f"{rail} rail, stored {first}": (by["rail"] == rail) & (by["at_first"] == first)
+             for rail, first in KINDS}  # fmt: skip
+    claims = []
+    for arm in ("mean", "mean_growing", "mean_held", "gaussian_held"):
+        error, until, effort = (
+            by[f"{name}_{arm}"] for name in ("error", "stations", "effort_ratio")
+        )
+        numbers = {
+            f"learnt within {TOLERANCE} in most series": (until.notna() * 1.0, 0.5, 2),
+            "closer to the truth": (by["error_none"] - error, 0.0, 4),
+            "effort over the plan's gained": (effort - by["effort_ratio_none"], 0.0, 4),
+            "true ones gain less than 0.01": (effort - by["effort_ratio_truth"], -LITTLE, 4),
+        }
+        for text, (values, least, digits) in numbers.items():
+            name = f"{arm.replace('_', ', ')}: {text}"
+            claims.append(Claim(name, text, values, least, digits=digits))
+    for name in ("received", "held"):
+        text = f"true increments stored: data, {name}, lie about the truth"
+        values = by[f"excess_{name}_truth"]
+        claims.append(Claim(f"unbiased: {name}", text, values, -TOLERANCE, TOLERANCE, digits=4))
+    return judge([one._replace(parts=parts) for one in claims])
+
+
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """By kind and arm: means over events and their 95 % intervals of the numbers of `series`."""
+    by, lines = series(rows), []
+    for (rail, first), arm in product(KINDS, ARMS):
+        own = by[(by["rail"] == rail) & (by["at_first"] == first)]
+        reference = "held" if ARMS[arm].held else "received"
+        line: Row = {"rail": rail, "stored": first, "learning": arm.replace("_", ", ")}
+        for name, words, digits, scale in (
+            ("error", "largest error", 4, 1.0),
+            ("stations", "stations until learnt", 1, 1.0),
+            (f"excess_{reference}", "data above truth", 4, 1.0),
+            ("effort_ratio", "effort [% of plan]", 2, 100.0),
+            ("slip_time", "slip time [axle s]", 2, 1.0),
+            ("damage", "damage [kJ]", 1, 1.0),
+        ):
+            line[words] = mean(own[f"{name}_{arm}"]).text(digits, scale)
+        lines.append(line)
+    return pd.DataFrame(lines)
+
+
+def figure(rows: pd.DataFrame) -> Figure:
+    """Figs. 10 to 13, and the errors that learning leaves."""
+    drawn = Figure(figsize=(7.16, 4.0), layout="constrained")
+    (ten, eleven, twelve), (thirteen, *learning) = drawn.subplots(2, 3)
+    g, speed = np.random.default_rng(1), np.linspace(20.0, 280.0, 100)
+    at = g.uniform(30.0, 270.0, 200)
+    scattered = planned(at / 3.6) + SIGMA * g.standard_normal(at.size)
+    ten.plot(at, scattered, ".", ms=2, label="drawn, not measured")
+    ten.plot(speed, planned(speed / 3.6), "k", label="(12)")
+    counts = drawn_counts(64, 500)
+    j, (shift, covariance) = np.arange(1, counts.size + 1), axle_shifts(counts)
+    slope, deviation = fit(shift, covariance)
+    eleven.bar(j, counts, width=1.0)
+    twelve.errorbar(j, shift, np.sqrt(np.diag(covariance)), fmt=".", ms=3, lw=0.5)
+    twelve.plot(j, slope * (np.log(j) - LEAD_LOG), label=f"slope {slope:.4f} ± {deviation:.4f}")
+    twelve.plot(j, logarithmic_increments(j.size), "k--", label=f"(15), {SLOPE}")
+    for group, marker in (("1C4M", "s"), ("1C2M", "^"), ("1C1M", ".")):
+        of_axle = load("wet-start").changed(inverter_group=group).event().model.structure.axle_unit
+        units = range(of_axle.max() + 1)
+        middle = [np.flatnonzero(of_axle == unit).mean() + 1.0 for unit in units]
+        found = unit_increments(logarithmic_increments(of_axle.size), of_axle)
+        thirteen.plot(middle, found, marker, label=group)
+    high = rows[(rows["status"] == "ok") & (rows["at_first"] == "too high")]
+    for axes, rail in zip(learning, RAILS, strict=True):
+        for arm in ARMS:
+            own = high[(high["rail"] == rail) & (high["arm"] == arm)]
+            axes.plot(own.groupby("station")["error"].mean(), label=arm.replace("_", ", "))
+    for axes, x, y, title in (
+        (ten, "speed [km/h]", "coefficient", "Fig. 10"),
+        (eleven, "axle", "slides", "Fig. 11 (drawn)"),
+        (twelve, "axle", "k σ", "Fig. 12"),
+        (thirteen, "axle", "increment over unit 1", "Fig. 13"),
+        *((one, "station", "largest error", f"{rail} rail, stored too high")
+          for one, rail in zip(learning, RAILS, strict=True)),
+    ):  # fmt: skip
+        axes.set(xlabel=x, ylabel=y, title=title)
+    for axes in (ten, twelve, thirteen, learning[0]):
+        axes.legend()
+    return drawn
+
+
+QUESTION = (
+    "increments of adhesion from counts of slides, and how fast wrong ones are learnt (JP5484215)"
+)
+STUDY = Study("learning", QUESTION, cells, run, table, figure, statements, events=10)

@@ -1,1 +1,0 @@
-"""Runs of a train over a line: limits and stops, driving style, simulation, and other ways to calculate them."""

@@ -1,1 +1,0 @@
-"""Logs of measured trains: files, checks, export, analysis."""

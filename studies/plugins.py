@@ -1,0 +1,141 @@
+"""Plug-ins: Python files that register parts of a user's own, or a train as TOML, loaded in every process of a study."""
+
+import hashlib
+import sys
+import traceback
+from collections.abc import Callable, Iterable
+from contextlib import redirect_stdout
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from alloc.errors import InputError
+from alloc.metrics import METRICS
+from alloc.onboard.host import CONTROLLERS, HostedController
+from alloc.plant.sets import SETS
+from alloc.registry import Registry
+from alloc.rules import RULES, AllocationProblem, Rule
+from alloc.sources import PACKAGES, PLUGIN_PREFIX
+
+_loaded: dict[str, ModuleType] = {}
+"""Module by file."""
+
+
+def loaded_files() -> tuple[str, ...]:
+    """Files that were loaded, in their order."""
+    return tuple(_loaded)
+
+
+def load_plugins(files: Iterable[str | Path]) -> list[ModuleType]:
+    """Load files that are not yet loaded; their modules. Raises `InputError` of one line that names the file."""
+    return [
+        _loaded.get(path) or _load(path) for path in (str(Path(one).resolve()) for one in files)
+    ]
+
+
+def _load(path: str) -> ModuleType:
+    if not Path(path).is_file() or Path(path).suffix not in (".py", ".toml"):
+        raise InputError(f"plug-in {path!r} is no Python file, and no train as TOML")
+    # files of one name in two folders are two modules
+    digest = hashlib.sha256(path.encode()).hexdigest()[:8]
+    name = f"{PLUGIN_PREFIX}{Path(path).stem.replace('-', '_')}_{digest}"
+    module = sys.modules[name] = ModuleType(name)
+    module.__file__ = path
+    before = len(Registry.registered)
+    folder = str(Path(path).parent)
+    sys.path.insert(0, folder)  # its helpers lie beside it
+    try:
+        if path.endswith(".toml"):
+            from studies.trains import read_train
+
+            train = read_train(path)
+            SETS.register(train.name, lambda: train, name)
+        else:
+            with redirect_stdout(sys.stderr):  # stdout is for results
+                exec(compile(Path(path).read_bytes(), path, "exec"), vars(module))
+        makers = {one.partition(".")[0] for one in Registry.registered[before:]}
+        if makers <= set(PACKAGES) and not hasattr(module, "STUDY"):
+            raise InputError("it registers no part and has no STUDY")
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        said = " ".join(str(error).split())
+        kind = (
+            ""
+            if isinstance(error, InputError)
+            else f"{type(error).__name__}{line_in(path, error)}: "
+        )
+        raise InputError(f"plug-in {path!r} cannot be loaded: {kind}{said}") from None
+    finally:
+        sys.path.remove(folder)
+    _loaded[path] = module
+    return module
+
+
+def line_in(path: str, error: BaseException) -> str:
+    """The last line of a file that an error came through, as " in line n"; a syntax error says it itself."""
+    lines = [
+        one.lineno for one in traceback.extract_tb(error.__traceback__) if one.filename == path
+    ]
+    return f" in line {lines[-1]}" if lines else ""
+
+
+# a faulty part is refused before anything is run
+
+TRIAL = ("wet-start", 0.2)
+"""Event and duration [s] of a trial: a few control periods."""
+UNITS = 3
+"""Of the problem that a rule is asked; no shipped train has so many, so a fixed number is noticed."""
+
+
+def try_own_parts(rules: Iterable[str], controllers: Iterable[str]) -> None:
+    """Ask the user's own rules for a small answer, and his controllers and metrics for a short run.
+
+    Raises `InputError` of one line for a part that is none, raises an error, or answers with what is no answer.
+    """
+    from alloc.rules.testing import usable
+    from alloc.simulation import simulate
+    from alloc.testing import tried
+    from studies.scenario import load
+
+    def event() -> Any:
+        return load(TRIAL[0]).changed(duration_s=TRIAL[1]).event()
+
+    problem = AllocationProblem(cap=np.linspace(0.1, 0.2, UNITS), expected=0.16)
+    for name in _own(RULES, rules):
+        _try(RULES, name, Rule, lambda rule: usable(rule, problem))
+    for name in _own(CONTROLLERS, controllers):
+        _try(CONTROLLERS, name, HostedController, lambda one: tried(one, event()))
+    for name in _own(METRICS, METRICS):
+        _try(
+            METRICS,
+            name,
+            object,
+            lambda one: float(one.function(simulate(event(), "alone", "none"))),
+        )
+
+
+def _own(registry: Registry[Any], names: Iterable[str]) -> list[str]:
+    """Those that do not come with the project."""
+    return [one for one in names if registry.origin(one).partition(".")[0] not in PACKAGES]
+
+
+def _try(registry: Registry[Any], name: str, kind: type, trial: Callable[[Any], object]) -> None:
+    part, path = (
+        registry[name],
+        str(getattr(sys.modules.get(registry.origin(name)), "__file__", "")),
+    )
+    said = f"{registry.kind} {name!r} of {path or 'this session'}"
+    if not isinstance(part, kind):
+        raise InputError(f"{said} is a {type(part).__name__}; register a {kind.__name__}")
+    try:
+        with redirect_stdout(sys.stderr):
+            trial(part)
+    except AssertionError as error:  # what it answers is of no use
+        raise InputError(f"{said} {error}") from None
+    except Exception as error:
+        told = " ".join(str(error).split()) or "no message"
+        raise InputError(
+            f"{said} raises {type(error).__name__}: {told}{line_in(path, error)}"
+        ) from None

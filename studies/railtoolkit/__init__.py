@@ -1,1 +1,0 @@
-"""Lines and trains of railtoolkit, as YAML: schema, reading, and what has to be assumed of a train."""

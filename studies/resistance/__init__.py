@@ -1,1 +1,0 @@
-"""Running resistance: speed control and learning on routes, JP H07-322414."""

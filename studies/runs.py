@@ -1,0 +1,108 @@
+"""A slip event under a rule and a readhesion controller as a cell of a study, and rows paired by event."""
+
+import json
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+
+import pandas as pd
+import xarray as xr
+
+from alloc.event import Event
+from alloc.metrics import METRICS, evaluate
+from alloc.onboard.host import CONTROLLERS, HostedController
+from alloc.recording import attributes_of
+from alloc.rules import RULES
+from alloc.simulation import simulate
+from studies.core import BOOKKEEPING, Cell, Row
+from studies.scenario import Scenario
+
+MOST_FAILURES = 0.05
+"""Share of its calls in which a rule or a controller may fail in a run that counts. Beyond, the run is also that of the
+exact level or of cut-and-ramp, which answer in its place: its row is degraded, and enters no mean."""
+
+Measure = Callable[[xr.Dataset], Row]
+"""A function of a module that adds columns from a recorded run."""
+
+
+def cell(
+    scenario: Scenario,
+    rule: str,
+    controller: str,
+    seed: int,
+    measure: Measure | None = None,
+    **columns: object,
+) -> Cell:
+    """A run as a cell; its rows say the event, the rule, the controller, the seed, and `columns`."""
+    origins = {RULES.origin(rule), CONTROLLERS.origin(controller), *scenario.sources}
+    return Cell(
+        f"{scenario.name}/{rule}/{controller}/{seed}",
+        (scenario, rule, controller, seed, measure),
+        {"scenario": scenario.name, "rule": rule, "controller": controller, "seed": seed} | columns,
+        tuple(sorted(origins | METRICS.origins())),
+    )
+
+
+def run(
+    scenario: Scenario, rule: str, controller: str, seed: int, measure: Measure | None = None
+) -> Row:
+    """The row of a run: every metric, what `measure` adds, and whether rule and controller worked."""
+    found = recorded(scenario, rule, controller, seed)
+    return evaluate(found) | (measure(found) if measure else {}) | _status(found)
+
+
+def recorded(scenario: Scenario, rule: str, controller: str, seed: int) -> xr.Dataset:
+    """The recorded run."""
+    return simulate(_event(scenario, seed), rule, controller)
+
+
+@lru_cache(maxsize=4)
+def _event(scenario: Scenario, seed: int) -> Event:
+    """One for all rules that meet it; they are neighbours in a list of cells."""
+    return scenario.event(seed)
+
+
+def _status(found: xr.Dataset) -> Row:
+    told = attributes_of(found)
+    for part, calls, failures in (
+        ("rule", told["rule_calls"], told["rule_failures"]),
+        ("controller", told["controller_calls"], told["controller_failures"]),
+    ):
+        if failures > MOST_FAILURES * calls:
+            messages = json.loads(told["messages"])
+            own = [text for text in messages if text.startswith(part)]
+            most = max(own, key=messages.__getitem__)
+            reason = f"{failures / calls:.1%} of {calls} calls failed, most often: {most}"
+            return {"status": "degraded", "reason": reason}
+    return {}
+
+
+def is_slow(controller: str) -> bool:
+    """Whether a controller runs in Python, outside of the compiled loop."""
+    return isinstance(CONTROLLERS.get(controller), HostedController)
+
+
+# rows paired by event
+
+
+def complete(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the events in which nothing failed: only those can be paired."""
+    failed = rows.loc[rows["status"] != "ok", "scenario"]
+    return rows[~rows["scenario"].isin(failed)]
+
+
+def paired(
+    rows: pd.DataFrame,
+    controller: str,
+    rule: str,
+    others: Iterable[str],
+    drawn: Iterable[str] = (),
+) -> pd.DataFrame:
+    """One row per event: what was `drawn`, the numbers of `rule`, and those of each other rule as number_other.
+
+    A number that `rule` has under another controller is not among them: rows of one event and one controller are paired.
+    """
+    own = rows[rows["controller"] == controller].set_index("scenario")
+    numbers = own.select_dtypes("number").columns.difference([*drawn, *BOOKKEEPING, "seed"])
+    parts = [own.loc[own["rule"] == rule, [*drawn, *numbers]]]
+    parts += [own.loc[own["rule"] == one, numbers].add_suffix(f"_{one}") for one in others]
+    return pd.concat(parts, axis=1)

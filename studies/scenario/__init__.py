@@ -1,1 +1,0 @@
-"""Slip events as files: TOML keys with units, checked, turned into what the simulation runs."""

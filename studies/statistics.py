@@ -1,0 +1,232 @@
+"""Numbers with intervals, and verdicts on claims about random events.
+
+Intervals are of the mean over events. A claim holds where its interval lies within the claim's bounds. Many claims that are
+judged together share the risk of being wrong once (Holm 1979).
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy  # loads `stats` when it is needed: it takes half a second
+from numpy.typing import NDArray
+
+CONFIDENCE = 0.95
+FEWEST = 10
+"""Events below which a claim gets no verdict."""
+SHOWN = 5
+"""Events below which a number is told without its interval."""
+BOOTSTRAPPED = (8, 1000)
+"""Numbers of events for which the mean is bootstrapped; fewer have too little to draw from, more make t as good."""
+RESAMPLES = 1999
+
+Floats = NDArray[np.float64]
+
+
+class Interval(NamedTuple):
+    """A mean or a share, its 95 % interval (nan where there is none), and how many `events` are behind it."""
+
+    value: float
+    low: float
+    high: float
+    events: int
+
+    def text(self, digits: int = 2, scale: float = 1.0, sign: bool = False) -> str:
+        """Such as ``+1.25 [0.98, 1.51]``; the value alone where there are few events or no spread."""
+        if self.events == 0 or np.isnan(self.value):
+            return "–"
+        value = _text(scale * self.value, digits, sign)
+        low, high = (_text(scale * bound, digits, False) for bound in (self.low, self.high))
+        told = self.events >= SHOWN and self.low < self.high
+        return f"{value} [{low}, {high}]" if told else value
+
+
+def _text(value: float, digits: int, sign: bool) -> str:
+    """A number with the typographic minus, and without one before a zero."""
+    rounded = round(value, digits) + 0.0
+    told = f"{rounded:+.{digits}f}" if sign else f"{rounded:.{digits}f}"
+    return told.replace("-", "\N{MINUS SIGN}")
+
+
+def mean(values: Any, confidence: float = CONFIDENCE) -> Interval:
+    """Mean of numbers or of paired differences, one per event; values that are not finite are left out.
+
+    The interval is a bootstrap (BCa) for 8 to 1000 events, else Student's t. It is drawn at a level as much wider as t is
+    than normal, since a bootstrap of few values is too narrow (Hesterberg 2015, section 5.3).
+    """
+    x = _finite(values)
+    if x.size < 2 or np.ptp(x) <= 1e-12 * np.abs(x).max():
+        centre = float(x.mean()) if x.size else np.nan
+        bound = centre if x.size > 1 else np.nan
+        return Interval(centre, bound, bound, x.size)
+    low = high = np.nan
+    if BOOTSTRAPPED[0] <= x.size <= BOOTSTRAPPED[1]:
+        wider = scipy.stats.t.ppf(0.5 + confidence / 2, x.size - 1) * np.sqrt(x.size / (x.size - 1))
+        low, high = scipy.stats.bootstrap(
+            (x,),
+            np.mean,
+            n_resamples=RESAMPLES,
+            method="BCa",
+            rng=np.random.default_rng(0),
+            confidence_level=1 - 2 * scipy.stats.norm.cdf(-wider),
+        ).confidence_interval
+    if not np.isfinite([low, high]).all():  # a jackknife without spread gives none
+        low, high = _student(x, confidence)
+    return Interval(float(x.mean()), float(low), float(high), x.size)
+
+
+def ratio(values: Any, base: Any, confidence: float = CONFIDENCE) -> Interval:
+    """Sum of the values over the sum of their base, both one per event; the interval is that of the linearised ratio."""
+    x, y = np.asarray(values, dtype=float), np.asarray(base, dtype=float)
+    if not x.size:
+        return mean(x)
+    whole = x.sum() / y.sum()
+    return mean(whole + (x - whole * y) / y.mean(), confidence)
+
+
+def share(true: Any, confidence: float = CONFIDENCE) -> Interval:
+    """Share of events in which something is true, with Wilson's interval."""
+    x = np.asarray(true, dtype=bool)
+    if not x.size:
+        return Interval(np.nan, np.nan, np.nan, 0)
+    found = scipy.stats.binomtest(int(x.sum()), x.size).proportion_ci(confidence, method="wilson")
+    return Interval(float(x.mean()), float(found.low), float(found.high), x.size)
+
+
+def _finite(values: Any) -> Floats:
+    x = np.asarray(values, dtype=float)
+    return x[np.isfinite(x)]
+
+
+def _student(x: Floats, confidence: float) -> tuple[float, float]:
+    if not np.ptp(x):
+        return float(x[0]), float(x[0])
+    low, high = scipy.stats.ttest_1samp(x, 0.0).confidence_interval(confidence)
+    return float(low), float(high)
+
+
+# claims and what becomes of them
+
+
+class Claim(NamedTuple):
+    """That the mean of `values` over events lies within bounds."""
+
+    name: str
+    text: str
+    values: Any
+    """One per event, a Series where there are `parts`; nan where the claim does not apply to the event."""
+    least: float = -np.inf
+    most: float = np.inf
+    parts: Mapping[str, Any] = {}
+    """Parts of the events by words, as truth on the index of `values`: where the claim fails in one, it has conditions."""
+    besides: Sequence[tuple[str, Any, float, float]] = ()
+    """What it implies too, over the same events: words, values, least, most."""
+    digits: int = 3
+    scale: float = 1.0
+    """Digits and scale in which its numbers are told."""
+
+
+HOLDS = "holds"
+CONDITIONS = "holds with conditions"
+FAILS = "does not hold"
+UNDECIDED = "undecided"
+TOO_FEW = "too few events"
+
+
+class Statement(NamedTuple):
+    """What became of a claim."""
+
+    claim: Claim
+    verdict: str
+    number: Interval
+    conditions: tuple[str, ...] = ()
+
+    def told(self, number: Interval) -> str:
+        """A number in the digits and the scale of the claim."""
+        return number.text(self.claim.digits, self.claim.scale)
+
+
+def judge(claims: Sequence[Claim], family: bool = True) -> list[Statement]:
+    """Verdicts by Student's t: at the levels of Holm over all `claims` if they are one `family`, else at 95 % each.
+
+    Parts share the level of their claim (Bonferroni). What a claim implies besides is tested at 95 %.
+    """
+    values = [_finite(one.values) for one in claims]
+    p = np.array([_p_value(x, one) for x, one in zip(values, claims, strict=True)])
+    levels = holm(p) if family else np.full(len(claims), 1 - CONFIDENCE)
+    return [_judged(*one) for one in zip(claims, values, levels.tolist(), strict=True)]
+
+
+def _judged(claim: Claim, x: Floats, alpha: float) -> Statement:
+    found = Statement(claim, TOO_FEW, mean(x))
+    if x.size < FEWEST:
+        return found
+    whole = _side(x, claim.least, claim.most, alpha)
+    parts = {name: _finite(claim.values[true]) for name, true in claim.parts.items()}
+    sides = {
+        name: _side(own, claim.least, claim.most, alpha / len(parts)) for name, own in parts.items()
+    }
+    if whole > 0:
+        wrong = [f"not with {name}: {found.told(mean(parts[name]))}"
+                 for name, side in sides.items() if side < 0]  # fmt: skip
+        for words, others, least, most in claim.besides:
+            if _side(_finite(others), least, most, 1 - CONFIDENCE) < 0:
+                wrong.append(f"not besides, {words}: {found.told(mean(others))}")
+        return found._replace(verdict=CONDITIONS if wrong else HOLDS, conditions=tuple(wrong))
+    right = [f"with {name}: {found.told(mean(parts[name]))}"
+             for name, side in sides.items() if side > 0]  # fmt: skip
+    verdict = CONDITIONS if right else UNDECIDED if whole == 0 else FAILS
+    return found._replace(verdict=verdict, conditions=tuple(right))
+
+
+def _side(x: Floats, least: float, most: float, alpha: float) -> int:
+    """1: the interval of the mean lies within the bounds; -1: beyond one of them; 0: it contains one."""
+    if x.size < FEWEST:
+        return 0
+    low, high = _student(x, 1 - alpha)
+    return int(low > least and high < most) - int(high < least or low > most)
+
+
+def _p_value(x: Floats, claim: Claim) -> float:
+    """Of the bound that decides; nan where there is no verdict."""
+    if x.size < FEWEST:
+        return np.nan
+    bound = claim.least if np.isfinite(claim.least) else claim.most
+    if not np.ptp(x):
+        return float(x[0] == bound)
+    return float(scipy.stats.ttest_1samp(x, bound).pvalue)
+
+
+def holm(p: Floats) -> Floats:
+    """Level at which each hypothesis is tested, from their p values (Holm 1979); nan is not tested."""
+    order = np.argsort(p)  # nan comes last
+    tested = int(np.isfinite(p).sum())
+    left = np.maximum(tested - np.arange(p.size), 1)
+    steps = np.where(np.isfinite(p[order]), left * p[order], 1.0)
+    rejected = int((np.maximum.accumulate(steps) < 1 - CONFIDENCE).sum())
+    levels = np.empty(p.size)
+    levels[order] = (1 - CONFIDENCE) / np.maximum(left, max(tested - rejected, 1))
+    return levels
+
+
+def statement_table(statements: Sequence[Statement]) -> pd.DataFrame:
+    """One row per statement: name, claim, bound, verdict, mean with interval, number of events, conditions."""
+    rows = []
+    for one in statements:
+        claim = one.claim
+        bounds = ((">", claim.least), ("<", claim.most))
+        told = [f"{sign} {_text(claim.scale * bound, claim.digits, False)}"
+                for sign, bound in bounds if np.isfinite(bound)]  # fmt: skip
+        rows.append(
+            {
+                "name": claim.name,
+                "claim": claim.text,
+                "bound": ", ".join(told),
+                "verdict": one.verdict,
+                "mean [95 %]": one.told(one.number),
+                "events": one.number.events,
+                "conditions": "; ".join(one.conditions),
+            }
+        )
+    return pd.DataFrame(rows)

@@ -1,1 +1,0 @@
-"""Stops: motors and air brakes together, slide protection on very low adhesion, and sanders."""

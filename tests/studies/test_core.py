@@ -1,0 +1,263 @@
+"""What a folder of rows and a run of many cells survive, and what a row depends on."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+import warnings
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from studies import core
+from studies.core import Rows, StudyError, WorkerLost, markdown, run_study, write_table
+from studies.row_key import decides, folder_hash
+from tests.studies import made_study
+from tests.studies.made_study import make
+
+CELLS = 60
+WANTED = [float(k) for k in range(CELLS) if k != made_study.FAILS]
+ROOT = Path(__file__).parents[2]
+SCRIPT = """
+import sys
+from studies.core import run_study
+from tests.studies.made_study import make
+if __name__ == "__main__":
+    run_study(make(float(sys.argv[2])), sys.argv[1], int(sys.argv[3]), jobs=int(sys.argv[4]))
+"""
+
+
+def values(rows):
+    return rows.loc[rows["status"] == "ok", "value"].tolist()
+
+
+@pytest.fixture
+def script(tmp_path):
+    path = tmp_path / "script.py"
+    path.write_text(SCRIPT)
+
+    def start(pause, jobs, folder=tmp_path / "rows"):
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        arguments = [sys.executable, str(path), str(folder), str(pause), str(CELLS), str(jobs)]
+        return subprocess.Popen(arguments, env=environment, stderr=subprocess.DEVNULL)
+
+    return start
+
+
+def test_a_cell_that_fails_is_a_row_and_runs_again_when_asked(tmp_path):
+    rows = run_study(make(), tmp_path, CELLS, jobs=2)
+    assert values(rows) == WANTED
+    bad = rows[rows["status"] == "failed"]
+    assert list(bad["k"]) == [made_study.FAILS]
+    assert "ValueError: unlucky (at made_study.py:" in bad["reason"].iloc[0]
+    written = sorted((tmp_path / "parts").iterdir())
+    run_study(make(), tmp_path, CELLS)
+    assert sorted((tmp_path / "parts").iterdir()) == written
+    run_study(make(), tmp_path, CELLS, retry_failed=True)
+    assert len(list((tmp_path / "parts").iterdir())) == len(written) + 1
+
+
+def test_more_events_and_new_labels_run_nothing_again(tmp_path):
+    before = run_study(make(), tmp_path, 5)
+    rows = run_study(make(label="new"), tmp_path, 10)
+    assert set(rows["label"]) == {"new"}
+    assert list(rows["batch"][:5]) == list(before["batch"])
+
+
+@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_run_that_is_stopped_goes_on(tmp_path, script, sign, jobs):
+    one = script(0.1, jobs)
+    parts = tmp_path / "rows" / "parts"
+    while not (parts.exists() and list(parts.glob("[0-9]*.parquet"))):
+        assert one.poll() is None
+        time.sleep(0.05)
+    one.send_signal(sign)
+    one.wait(timeout=30)
+    kept = len(Rows(tmp_path / "rows").read())
+    assert 0 < kept < CELLS
+    deadline = time.monotonic() + 30  # workers end with their parent
+    while subprocess.run(["pgrep", "-f", str(tmp_path)], stdout=subprocess.DEVNULL).returncode == 0:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    rows = run_study(make(0.1), tmp_path / "rows", CELLS, jobs=2)
+    assert values(rows) == WANTED
+
+
+def test_two_writers_at_once(tmp_path, script):
+    both = [script(0.05, 2) for _ in range(2)]
+    assert [one.wait(timeout=120) for one in both] == [0, 0]
+    assert values(run_study(make(0.05), tmp_path / "rows", CELLS)) == WANTED
+
+
+def test_workers_start_while_another_thread_computes(tmp_path):
+    """A fork would inherit the locks that the thread holds, and wait for ever."""
+    import readhesion
+
+    thread = threading.Thread(target=readhesion.simulate, args=("wet-start", "alone", "none"))
+    thread.start()
+    assert values(run_study(make(), tmp_path, CELLS, jobs=2)) == WANTED
+    thread.join()
+
+
+def test_a_lost_worker_is_noticed_and_no_bad_input(tmp_path):
+    with pytest.raises(WorkerLost, match="a worker was lost"):
+        run_study(make(0.05, kill=True), tmp_path, CELLS, jobs=2)
+    assert len(Rows(tmp_path).read()) > 0
+
+
+def test_readers_meet_a_join(tmp_path, monkeypatch):
+    monkeypatch.setattr(core, "MANY", 1)
+    rows = Rows(tmp_path)
+    for k in range(30):
+        rows.add([{"cell": f"c{k}", "value": k}])
+        if k % 5 == 0:
+            rows.join()
+    assert sorted(rows.read()["value"]) == list(range(30))
+
+
+def test_no_damage_is_silent(tmp_path):
+    run_study(make(), tmp_path, CELLS)
+    (part,) = (tmp_path / "parts").glob("*.parquet")
+    whole, content = Rows(tmp_path).read(), part.read_bytes()
+    generator = np.random.default_rng(0)
+    flips = [(place, 1 << int(generator.integers(8)))
+             for place in generator.choice(len(content), 100, replace=False).tolist()]  # fmt: skip
+    broken = [content[:place] + bytes([content[place] ^ bit]) + content[place + 1 :]
+              for place, bit in flips]  # fmt: skip
+    for spoiled in [*broken, content[:-200], b"", b"hello"]:
+        part.write_bytes(spoiled)
+        with pytest.warns(UserWarning, match="damaged"):
+            assert Rows(tmp_path).read().empty
+    with warnings.catch_warnings(action="ignore"):
+        assert values(run_study(make(), tmp_path, CELLS)) == WANTED
+    part.write_bytes(content)
+    assert values(Rows(tmp_path).read()) == values(whole)
+
+
+def test_a_full_disk(tmp_path):
+    small = tmp_path / "small"
+    small.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "none", str(small)]
+    if os.getuid() != 0 or subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("nothing may be mounted here")
+    try:
+        (small / "fill").write_bytes(b"x" * 50_000)
+        with pytest.raises(StudyError, match=r"rows cannot be written there.*No space"):
+            run_study(make(), small, 5000)
+        assert not [one for one in (small / "parts").iterdir() if ".part" in one.name]
+        (small / "fill").unlink()
+        assert values(run_study(make(), small, CELLS)) == WANTED
+    finally:
+        subprocess.run(["umount", str(small)], check=True)
+
+
+def test_a_folder_that_is_none(tmp_path):
+    (tmp_path / "parts").write_text("a file")
+    with pytest.raises(StudyError, match="rows cannot be written there"):
+        run_study(make(), tmp_path, 5)
+
+
+def test_dask(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        rows = run_study(make(0.01), tmp_path, CELLS, scheduler=cluster.scheduler_address)
+    assert values(rows) == WANTED
+    assert os.getpid() not in set(rows["pid"].dropna())
+
+
+def test_nobody_at_the_address(tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(core, "REACHED", 1)
+    with pytest.raises(StudyError, match="nobody works there"):
+        run_study(make(), tmp_path, 5, scheduler="tcp://127.0.0.1:1")
+
+
+# what a row depends on
+
+SOURCE = """
+    import numpy as np
+    from studies.row_key import MOST_FILES as most
+
+    SIZE = 2
+    LABEL = "axis"
+
+    class Rail:
+        level: float = 0.1
+
+    def helper(x):
+        "Says something."
+        return x * SIZE
+
+    def run(k):
+        return {"value": helper(k) + Rail.level + most}
+
+    def figure(rows):
+        return LABEL
+"""
+
+
+def key(monkeypatch, tmp_path, source):
+    """The hash of `run` in a module of the project with this source."""
+    path = tmp_path / f"{abs(hash(source))}.py"
+    path.write_text(textwrap.dedent(source))
+    name = f"studies.made_{path.stem}"
+    monkeypatch.setattr("studies.row_key.path_of",
+                        lambda module: path if module == name else original(module))  # fmt: skip
+
+    def run():
+        """Stands for the one in the file."""
+
+    run.__module__, run.__qualname__ = name, "run"
+    return decides(run)
+
+
+original = sys.modules["studies.row_key"].path_of
+
+
+@pytest.mark.parametrize(("old", "new", "same"), [
+    ('"axis"', '"other axis"', True),
+    ("Says something", "Says more", True),
+    ("return LABEL", "return LABEL + LABEL", True),
+    ("SIZE = 2", "SIZE = 3", False),
+    ("x * SIZE", "SIZE * x", False),
+    ("0.1", "0.2", False),
+    ("MOST_FILES", "DATA", False),
+])  # fmt: skip
+def test_a_row_depends_on_what_its_function_names(monkeypatch, tmp_path, old, new, same):
+    source = key(monkeypatch, tmp_path, SOURCE)
+    assert (key(monkeypatch, tmp_path, SOURCE.replace(old, new)) == source) == same
+
+
+def test_a_users_file_counts_with_its_folder(tmp_path):
+    plugin = tmp_path / "own.py"
+    plugin.write_text("import helper")
+    found = []
+    for name, text in (("helper.py", "A = 1"), ("helper.py", "A = 2"), ("curve.csv", "1,2"),
+                       ("results/table.csv", "9"), ("deeper/more.py", "B = 1")):  # fmt: skip
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+        folder_hash.cache_clear()
+        found.append(folder_hash(str(plugin)))
+    assert [a == b for a, b in pairwise(found)] == [False, False, True, False]
+
+
+def test_tables_as_files(tmp_path):
+    table = pd.DataFrame({"a": [1.0], "b": ["x|y"]})
+    table.attrs["statements"] = [object()]
+    write_table(table, tmp_path / "t.1")
+    assert (
+        (tmp_path / "t.1.md").read_text()
+        == markdown(table)
+        == "| a | b |\n| --: | --- |\n| 1.000 | x\\|y |\n"
+    )
+    assert pd.read_parquet(tmp_path / "t.1.parquet")["a"].iloc[0] == 1.0
+    assert pd.read_csv(tmp_path / "t.1.csv")["b"].iloc[0] == "x|y"

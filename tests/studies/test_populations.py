@@ -1,0 +1,110 @@
+"""Populations of random events: an event follows from its seed and number, and a small run of each of their studies."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from alloc.metrics import METRICS
+from studies import braking, claims, events, headroom
+from studies.core import BOOKKEEPING, markdown, run_study
+from studies.statistics import statement_table
+
+STYLE = Path(__file__).parents[2] / "paper_figs" / "readhesion.mplstyle"
+# module -> a seed, hashes of its first events, and what its draws lie between
+POPULATIONS = {
+    claims: (
+        0,
+        "707e87e259651dcf 0a372fc35cef8445 0674f87b2d9d5af1",
+        {"level": (0.06, 0.2), "slope": (0.0, 0.0332), "scatter": (0.0, 0.012),
+         "patch_factor": (0.6, 1.0), "patch_start_m": (5.0, 40.0), "patch_length_m": (20.0, 60.0)},
+    ),
+    braking: (
+        90,
+        "b594f202bac73f22 7967acb354f2e7cb 435c6b505939fe43",
+        {"residual_ratio": (0.3, 0.98), "peak_slip": (0.15, 0.8), "share": (0.4, 1.1),
+         "end_kmh": (0.0, 35.0), "patch_factor": (0.5, 1.6), "grade_permille": (-20.0, 20.0),
+         "radius_error": (0.0, 0.005), "failed_at_s": (0.0, 6.0), "day": (1, 2**31)},
+    ),
+    headroom: (
+        200,
+        "a2104b8fbdd10b16 112682821db32141 afed11f048457962",
+        {"wanted": (0.0, 0.18), "growth": (-0.05, 0.2), "level_ratio": (0.96, 1.06),
+         "demand": (0.85, 1.0), "conditioning": (0.0, 0.3), "scatter_share": (0.0, 0.06)},
+    ),
+}  # fmt: skip
+modules = pytest.mark.parametrize(
+    "module", list(POPULATIONS), ids=lambda one: one.__name__.rpartition(".")[2]
+)
+
+
+def event_of(module, seed, k):
+    """Event `k` on its day."""
+    return module.event(seed, k).event(module.draw(seed, k).get("day", k))
+
+
+@modules
+def test_events_stay_what_they_were(module):
+    seed, hashes, _ = POPULATIONS[module]
+    wanted = hashes.split()
+    assert [event_of(module, seed, k).hash for k in range(len(wanted))] == wanted
+
+
+@modules
+def test_draws_lie_within_their_bounds_and_fill_them(module):
+    *_, bounds = POPULATIONS[module]
+    drawn = [module.draw(5, k) for k in range(300)]
+    for name, (low, high) in bounds.items():
+        values = np.array([one[name] for one in drawn], dtype=float)
+        assert low <= values.min() <= values.max() <= high, name
+        assert np.ptp(values) > 0.6 * (high - low), name
+
+
+@modules
+def test_what_is_drawn_is_not_what_is_measured(module):
+    """A column of both names would be one of them."""
+    assert not {*METRICS, *BOOKKEEPING} & {*module.draw(5, 0)}
+
+
+@modules
+def test_an_event_depends_on_seed_and_number(module):
+    found = [event_of(module, seed, k).hash for seed in (1, 2) for k in range(3)]
+    assert len(set(found)) == len(found)
+    assert event_of(module, 1, 2).hash == found[2]
+
+
+def test_a_draw_is_as_likely_as_it_says():
+    g = [events.Draw(3, k, 1) for k in range(2000)]
+    assert np.mean([one.sometimes(0.3, 1.0, 2.0, 0.0) > 0.0 for one in g]) == pytest.approx(
+        0.3, abs=0.03
+    )
+    assert np.mean([one.one_of("ab", [0.2, 0.8]) == "a" for one in g]) == pytest.approx(
+        0.2, abs=0.03
+    )
+    logs = np.log10([one.log_uniform(0.1, 10.0) for one in g])
+    assert np.histogram(logs, 4, (-1.0, 1.0))[0] == pytest.approx(500, abs=80)
+
+
+@pytest.mark.parametrize("module", [claims, braking, headroom])
+def test_a_small_run(module, tmp_path, monkeypatch):
+    """Rows of two short events under two rules, and all that is made of them, though most rules are missing."""
+    monkeypatch.setattr(module, "DURATION", 6.0)
+    study, whole = module.STUDY, ("alone", "cooperative")
+
+    def cells(number, seed):
+        return [one for one in study.cells(number, seed) if one.columns["rule"] in whole]
+
+    rows = run_study(replace(study, cells=cells), tmp_path, 2, POPULATIONS[module][0])
+    assert list(rows["status"]) == ["ok"] * 8
+    assert set(rows["rule"]) == set(whole)
+    assert rows["bound_use"].between(0.3, 1.01).all()
+    table = study.table(rows)
+    assert len(markdown(table).splitlines()) == len(table) + 2 < 30
+    assert not table.astype(str).stack().str.contains("nan").any()
+    found = statement_table(study.statements(rows))
+    assert set(found["verdict"]) == {"too few events"}
+    assert found["name"].is_unique
+    with mpl.rc_context(fname=STYLE):
+        study.figure(rows).savefig(tmp_path / "figure.pdf")

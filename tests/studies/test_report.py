@@ -1,0 +1,89 @@
+"""The page of a comparison: it works offline at two widths, names are text, and mistakes are one line."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from alloc.rules import RULES
+from studies.compare import grid, study_of
+from studies.core import StudyError, run_study
+from studies.report import write
+from studies.scenario import load
+
+CHROMIUM = Path("/usr/bin/chromium")
+OPTIONS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
+NASTY = '<b onclick="alert(1)">mine</b></script>'
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory):
+    events = [load(name) for name in ("wet-patch", "failed-unit")]
+    chosen = grid(events, ["alone", "greedy", "cooperative"], ["cut-and-ramp"], 1)
+    return run_study(study_of(chosen), tmp_path_factory.mktemp("compare"))
+
+
+def page_of(rows: pd.DataFrame, folder: Path, events: tuple[str, ...] = ()) -> Path:
+    rows.to_parquet(folder / "rows.parquet")
+    write(folder, folder / "report.html", events)
+    return folder / "report.html"
+
+
+@pytest.mark.skipif(not CHROMIUM.exists(), reason="the system has no Chromium")
+@pytest.mark.parametrize("width", [1400, 390])
+def test_page_works_offline(rows, tmp_path, width):
+    browsers = pytest.importorskip("playwright.sync_api")
+    path = page_of(rows, tmp_path)
+    assert path.stat().st_size < 12e6
+    with browsers.sync_playwright() as program:
+        browser = program.chromium.launch(executable_path=str(CHROMIUM), args=OPTIONS)
+        page = browser.new_page(viewport={"width": width, "height": 800}, offline=True)
+        said: list[str] = []
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(path.as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+        def column(number):
+            cells = f"#numbers tbody tr:not([hidden]) td:nth-child({number})"
+            return page.locator(cells).all_inner_texts()
+
+        used = page.locator("#numbers th:nth-child(3) button")
+        used.press("Enter")
+        most_first = column(3)
+        assert most_first == sorted(most_first, key=float, reverse=True)
+        used.press("Enter")
+        assert column(3) == most_first[::-1]
+        page.fill("#filter", "COOP")
+        assert [name.rstrip("=*") for name in column(1)] == ["cooperative"]
+
+        seen = []
+        for event, rule in (("wet-patch", "greedy"), ("wet-patch", "cooperative"), ("failed-unit", "cooperative")):  # fmt: skip
+            page.select_option("#event", event)
+            page.select_option("#rule", rule)
+            page.locator("#instant").fill("70")
+            seen.append(page.locator("h2:text('Replay') ~ .row").inner_text())
+            assert rule in seen[-1]
+            seen.append(page.locator(".run").last.evaluate("plot => String(plot.data[1].y)"))
+        assert len(set(seen)) == len(seen)
+        assert not said
+        browser.close()
+
+
+def test_names_are_text(rows, tmp_path, monkeypatch):
+    monkeypatch.setitem(RULES._parts, NASTY, RULES["greedy"])
+    monkeypatch.setitem(RULES._origins, NASTY, RULES.origin("greedy"))
+    other = rows.replace({"rule": {"greedy": NASTY}, "scenario": {"failed-unit": NASTY}})
+    text = page_of(other, tmp_path).read_text("utf-8")
+    assert "mine" in text
+    assert "<b onclick" not in text
+    assert "mine</b>" not in text
+
+
+def test_mistakes_are_one_line(rows, tmp_path):
+    with pytest.raises(StudyError, match="run readhesion compare first"):
+        write(tmp_path / "nowhere", tmp_path / "report.html")
+    with pytest.raises(StudyError, match="'mine' of this comparison is not registered"):
+        page_of(rows.replace({"rule": {"greedy": "mine"}}), tmp_path)
+    with pytest.raises(StudyError, match="'wet-start' is not in this comparison"):
+        page_of(rows, tmp_path, ("wet-start",))
