@@ -353,9 +353,12 @@ def meanings(kind: type) -> dict[str, Meaning]:
             continue
         # a field, and the string that follows it
         stated = {
-            field.target.id: said.value.value
+            field.target.id: str(said.value.value)
             for field, said in pairwise(body)
-            if isinstance(field, ast.AnnAssign) and isinstance(said, ast.Expr)
+            if isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(said, ast.Expr)
+            and isinstance(said.value, ast.Constant)
         }
         for name, text in stated.items():
             meaning = meant(text)

@@ -1,15 +1,71 @@
 """Figures of the papers, by topic and by source, over one style."""
 
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from functools import partial
 from importlib import import_module
+from pathlib import Path
 
+import matplotlib as mpl
+import pandas as pd
+from matplotlib.figure import Figure
+
+from alloc.sources import write_whole
 from paper_figs.style import Drawing
+from studies import StudyError
+from studies.keys import near
 
-MODULES = ("model", "event", "sharing", "jp5484215", "jp4209318", "rtri", "readhesion_paper", "jph07322414")  # fmt: skip
+MODULES = (
+    "model", "event", "sharing",
+    "jp5484215", "jp4209318", "rtri", "readhesion_paper", "jph07322414",
+)  # fmt: skip
 
 
 def all_figures() -> dict[str, Drawing]:
-    """Every figure by its name, those of studies too."""
+    """Every figure by its name."""
     found: dict[str, Drawing] = {}
     for name in MODULES:
         found |= import_module(f"paper_figs.{name}").FIGURES
     return found
+
+
+def chosen_figures(names: Sequence[str], source: str | None) -> dict[str, Drawing]:
+    """The figures of these names, or of a source; all if nothing is said. Raises `StudyError` where there is none."""
+    known = all_figures()
+    for name in names:
+        if name not in known:
+            raise StudyError(f"unknown figure {name!r}{near(name, known)}")
+    sources = sorted({one.source for one in known.values() if one.source})
+    if source is not None and source not in sources:
+        raise StudyError(f"unknown source {source!r}{near(source, sources)}")
+    return {
+        name: one
+        for name, one in known.items()
+        if name in (names or known) and source in (None, one.source)
+    }
+
+
+def styled() -> AbstractContextManager[None]:
+    """A context in which figures have the style of the papers."""
+    return mpl.rc_context(fname=str(Path(__file__).with_name("readhesion.mplstyle")))
+
+
+def save(draw: Callable[[], Figure], path: Path) -> None:
+    """Write a figure to a file of any ending that Matplotlib knows."""
+    with styled():
+        write_whole(path, draw().savefig)
+
+
+def draw(figures: dict[str, Drawing], results: Path, out: Path, kind: str) -> Iterator[Path]:
+    """Draw figures into a folder, each with its caption as text beside it; their files as they are written.
+
+    `results` has the rows of the studies that figures show, as a sweep writes them.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    for name, one in figures.items():
+        path = out / f"{name}.{kind}"
+        rows = [pd.read_parquet(results / one.study / "rows.parquet")] if one.study else []
+        save(partial(one.draw, *rows), path)
+        caption = partial(Path.write_text, data=f"{one.caption}\n", encoding="utf-8")
+        write_whole(path.with_suffix(".txt"), caption)
+        yield path

@@ -1,6 +1,6 @@
 """Slip events: a run over time, the allocation at an instant, controllers on one drop, and an event that moves.
 
-`python -m paper_figs.event FILE.gif` writes the moving picture of the README.
+`python -m paper_figs.event [FILE.gif]` writes the moving picture of the README.
 """
 
 import sys
@@ -159,6 +159,7 @@ def adhesion_drop() -> Figure:
     drawn = Figure(figsize=(WIDE, 3.0), layout="constrained")
     panels = drawn.subplot_mosaic("aac\nbbc")
     force, slip, path = (panels[name] for name in "abc")
+    force.sharex(slip)
     event, across = load("falling-adhesion"), np.linspace(0.0, 0.3, 200)
     for name in ("cut-and-ramp", "pi-creep", "perturb-observe"):
         run = recorded(event, "alone", name, 0).sel(time=slice(5.0, 10.0))
@@ -171,11 +172,11 @@ def adhesion_drop() -> Figure:
     force.fill_between(run["time"], 0.0, rail, color=OFFERED, linewidth=0.0)
     for level in rail[[0, -1]]:
         path.plot(across, event.event().model.rail.curve.coefficient(across, level), **DASHED)
-    force.set(ylabel="coefficient [1]", xlim=(5.0, 10.0), ylim=(0.08, 0.2))
+    force.set(ylabel="coefficient [1]", ylim=(0.08, 0.2))
     force.set_title("foremost driven axle; filled: what the rail offers")
     slip.set(xlabel="time [s]", ylabel="slip [m/s]", xlim=(5.0, 10.0), ylim=(0.0, 0.24))
     path.set(xlabel="slip [m/s]", ylabel="coefficient [1]", xlim=(0.0, 0.3), ylim=(0.0, 0.2))
-    path.set_title("dashed: its curve before the drop and in it")
+    path.set_title("dashed: its curve before and after")
     slip.legend(ncols=3, loc="upper left")
     return drawn
 
@@ -203,11 +204,13 @@ def film(path: Path, name: str = "wet-patch", rule: str = "cooperative") -> None
             axes.clear()
         _train(line, model, run, k, worst.max())
         _bars(bars, each[:, :, k], _colour(run))
-        bars.set(xlim=(len(units) + 0.6, 0.4), ylim=(0.0, each.max()), ylabel="coefficient [1]")
+        bars.set(xlim=(len(units) + 0.6, 0.4), ylim=(0.0, 1.3 * each.max()))
+        bars.set_ylabel("coefficient [1]")
+        bars.legend(loc="upper center", ncols=3)
         _strip(whole, run, units)
         whole.axvspan(time[k], time[-1], color="white", alpha=0.85, linewidth=0.0, zorder=5)
-        whole.set(xlim=time[instants[[0, -1]]], xlabel="time [s]", ylabel="all units [1]")
-        whole.legend(loc="lower left", ncols=3)
+        whole.set(xlim=time[instants[[0, -1]]], ylim=0.0, xlabel="time [s]")
+        whole.set_ylabel("all units [1]")
 
     moving = FuncAnimation(drawn, show, FRAMES, init_func=lambda: None)
     moving.save(path, PillowWriter(RATE), dpi=200)
@@ -266,4 +269,4 @@ FIGURES = {
 
 if __name__ == "__main__":
     with mpl.rc_context(fname=str(Path(__file__).with_name("readhesion.mplstyle"))):
-        film(Path(sys.argv[1]))
+        film(Path(sys.argv[1] if len(sys.argv) > 1 else "slip-event.gif"))

@@ -1,4 +1,4 @@
-"""The model in pictures: adhesion curves and their peaks, forces of a train, who tells whom what."""
+"""The model in pictures: adhesion curves and their peaks; who tells whom what, and which forces act."""
 
 from itertools import pairwise
 
@@ -8,10 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from alloc.plant.adhesion import CURVES, AdhesionCurve, PiecewiseCurve
-from alloc.plant.laws import hyperbolic_speed_law, running_resistance
-from alloc.plant.rail import SPEED_LAWS
-from alloc.plant.train import EFFORT_SPEED_STEP
-from paper_figs.style import NARROW, WIDE, Drawing
+from paper_figs.style import WIDE, Drawing
 from studies.scenario import load
 
 BLUE, RED, GREEN, DARK, PALE = "#0072b2", "#d55e00", "#009e73", "#444444", "#e8f0f7"
@@ -96,39 +93,7 @@ def creep() -> Figure:
     return drawn
 
 
-# the train
-
-
-def traction() -> Figure:
-    """What motors, plan, adhesion and resistance are over the speed."""
-    event = load("wet-start").event()
-    train, s, speed = event.model.train, event.model.structure, np.arange(0.0, 111.0)
-    motors = np.zeros(speed.size)
-    for car in train.cars:
-        if car.motors is not None:
-            ratio = car.motors.gear_ratio / car.wheel_radius
-            torque = car.motors.drive.tabulate(car.wheel_radius, car.motors.gear_ratio)
-            at = EFFORT_SPEED_STEP * np.arange(torque.size)
-            motors += sum(car.driven) * ratio * np.interp(speed / 3.6, at, torque)
-    weight = s.static_load[s.axle_unit >= 0].sum()
-    plan = train.planned_acceleration * event.equipment.planned_share * weight
-    usual, wet = (
-        hyperbolic_speed_law(speed / 3.6, *SPEED_LAWS[law]) * weight
-        for law in ("curtius-kniffler", "shinkansen")
-    )
-    drawn = Figure(figsize=(NARROW, 3.1), layout="constrained")
-    axes = drawn.subplots()
-    for values, dashes, colour, name in (
-        (motors, "-", "black", "all motors at the rims"),
-        (np.full(speed.size, plan), ":", DARK, "plan, 3.0 km/h/s"),
-        (usual, "-", BLUE, "adhesion, usual"),
-        (wet, "--", BLUE, "adhesion, wet"),
-        (running_resistance(speed / 3.6, *train.resistance, 1.0), "-.", RED, "running resistance"),
-    ):
-        axes.plot(speed, values / 1e3, linestyle=dashes, color=colour, label=name)
-    axes.set(xlabel="speed [km/h]", ylabel="force [kN]", xlim=(0.0, 110.0), ylim=(0.0, 430.0))
-    drawn.legend(loc="outside lower center", ncols=2)
-    return drawn
+# train, telegrams, and the loop of a control period
 
 
 def model() -> Figure:
@@ -142,9 +107,11 @@ def model() -> Figure:
     return drawn
 
 
-def _box(axes: Axes, x: float, y: float, width: float, height: float, words: str, colour: str) -> None:  # fmt: skip
-    corner = (x - 0.5 * width, y - 0.5 * height)
-    axes.add_patch(Rectangle(corner, width, height, facecolor=colour, edgecolor=DARK))
+def _box(
+    axes: Axes, x: float, y: float, size: tuple[float, float], words: str, colour: str
+) -> None:
+    corner = (x - 0.5 * size[0], y - 0.5 * size[1])
+    axes.add_patch(Rectangle(corner, *size, facecolor=colour, edgecolor=DARK))
     axes.text(x, y, words, ha="center", va="center", linespacing=1.3)
 
 
@@ -163,11 +130,11 @@ def _train(axes: Axes) -> None:
         axes.add_patch(Rectangle((start, 0.9), length, 0.35, facecolor=colour))
     axes.text(-1.0, 0.1, "a wet patch: less adhesion", color=BLUE, ha="right")
     axes.plot([-59.0, -1.0], [2.3, 2.3], color=DARK, linewidth=2.0, zorder=0)
-    _box(axes, -10.0, 2.8, 18.6, 2.0, "trailer", "white")
+    _box(axes, -10.0, 2.8, (18.6, 2.0), "trailer", "white")
     leader = "unit 1, the leader:\nallocation rule,\nreadhesion controller"
     for x, words in ((-30.0, leader), (-50.0, "unit 2:\nreadhesion\ncontroller")):
-        _box(axes, x, 2.8, 18.6, 2.0, "motor car", PALE)
-        _box(axes, x, 6.3, 14.0, 2.2, words, "white")
+        _box(axes, x, 2.8, (18.6, 2.0), "motor car", PALE)
+        _box(axes, x, 6.3, (14.0, 2.2), words, "white")
         _arrow(axes, DARK, (x - 2.0, 5.2), (x - 2.0, 3.8))
         _arrow(axes, GREEN, (x + 2.0, 3.8), (x + 2.0, 5.2))
     for x, unit in zip(s.axle_offset, s.axle_unit, strict=True):
@@ -204,8 +171,8 @@ def _loop(axes: Axes) -> None:
         (62.0, "unit: target torque\nunder its limit", "wheelsets,\nbrake shoes"),
         (87.0, "readhesion\ncontroller", "motors,\ncylinders"),
     ):
-        _box(axes, x, 7.2, 18.0, 2.2, computer, "white")
-        _box(axes, x, 2.6, 18.0, 2.2, part, "white")
+        _box(axes, x, 7.2, (18.0, 2.2), computer, "white")
+        _box(axes, x, 2.6, (18.0, 2.2), part, "white")
     for words, *places in (
         ("report", (21.0, 7.2), (28.0, 7.2)),
         ("limit", (46.0, 7.2), (53.0, 7.2)),
@@ -242,10 +209,5 @@ FIGURES = {
         creep,
         "The slip velocity of the peak differs twentyfold between curves, and grows with speed where a curve goes by "
         "creepage, so no fixed slip suits all rails.",
-    ),
-    "traction": Drawing(
-        traction,
-        "The motors of the commuter train exceed the adhesion of a wet rail (JP5484215 (12)) up to 85 km/h, though not "
-        "the usual one (Curtius and Kniffler); its plan needs all of it from standstill on.",
     ),
 }

@@ -71,7 +71,7 @@ def new_panels(height: float, x: str, labels: list[str], **shared: Any) -> tuple
 
 def curve_and_table() -> Figure:
     """Figs. 1, 6 and 5."""
-    figure = Figure(figsize=(WIDE, 2.4), layout="constrained")
+    figure = Figure(figsize=(WIDE, 2.5), layout="constrained")
     close, far, table = figure.subplots(1, 3)
     for axes, end in ((close, 0.15), (far, 5.0)):
         slip = np.linspace(0.0, end, 500)
@@ -80,7 +80,7 @@ def curve_and_table() -> Figure:
                 mu = given.curve.coefficient(slip, most)
                 axes.plot(slip, mu, look, color=colour, label=f"{most:g}, set in {shown(unit)}")
         axes.set(xlabel="slip velocity [m/s]", xlim=(0.0, end), ylim=(0.0, 0.2))
-    close.set(xticks=[0.0, 0.05, 0.1, 0.15], ylabel="tangential force coefficient [–]")
+    close.set(xticks=[0.0, 0.05, 0.1, 0.15], ylabel="coefficient [–]")
     for case, name in NAMES.items():
         ends = [-0.2, case.margin, case.margin + case.width, 1.6]
         table.plot(ends, [1.0, 1.0, 0.0, 0.0], color=COLOURS[case.width], label=name.strip(": "))

@@ -5,3 +5,7 @@ from alloc.errors import InputError
 
 class StudyError(InputError):
     """What a user can mend: a file, an option, a part; the message is one line that names it and says what to do."""
+
+
+class WorkerLost(RuntimeError):
+    """A worker ended before its work did; what was computed is kept."""

@@ -248,7 +248,7 @@ def figure(rows: pd.DataFrame) -> Figure:
     claims.forest(gains, {rule: [found[f"{rule} over alone under {law}"] for law in CONTROLLERS]
                    for rule in COMPARED[1:]})  # fmt: skip
     gains.axvline(0.0, color="0.5", linewidth=0.8)
-    gains.set(title=claims.MARKERS, xlabel="deceleration over alone [points of plan]")
+    gains.set(title=claims.MARKERS.replace(", ", ",\n"), xlabel="deceleration over alone [points]")
     return drawn
 
 

@@ -1,11 +1,18 @@
-"""The studies by name; each is a module that is imported when it is asked for."""
+"""What there is by name: studies, each a module that is imported when it is asked for, and all that a command takes."""
 
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
-from studies.core import Study, StudyError
+from alloc.metrics import METRICS
+from alloc.onboard.host import CONTROLLERS
+from alloc.plant.adhesion import CURVES
+from alloc.plant.sets import SETS, find_set
+from alloc.rules import RULES
+from studies import StudyError
+from studies.core import Study
 from studies.plugins import load_plugins
-from studies.scenario import near
+from studies.scenario import load, near, shipped
 
 STUDIES = (
     "claims", "braking", "learning",  # JP5484215
@@ -28,3 +35,34 @@ def find_study(name: str) -> Study:
         raise StudyError(f"unknown {kind} {name!r}{near(plain, STUDIES)}")
     study: Study = import_module(f"studies.{plain}").STUDY
     return study
+
+
+def _figures() -> dict[str, str]:
+    from paper_figs import all_figures  # above this package; the command line asks for it
+
+    return {name: one.caption for name, one in all_figures().items()}
+
+
+def _trains() -> dict[str, str]:
+    trains = {name: find_set(name) for name in SETS}
+    return {name: f"{len(one.cars)} cars, {one.mass / 1e3:.0f} t" for name, one in trains.items()}
+
+
+KINDS: dict[str, Callable[[], dict[str, str]]] = {
+    "scenarios": lambda: {name: load(name).title for name in shipped()},
+    "rules": lambda: {name: one.description for name, one in RULES.items()},
+    "controllers": lambda: {name: one.meaning for name, one in CONTROLLERS.items()},
+    "curves": lambda: {name: str(one.__doc__).partition("\n")[0] for name, one in CURVES.items()},
+    "trains": _trains,
+    "studies": lambda: {name: find_study(name).question for name in STUDIES},
+    "figures": _figures,
+    "metrics": lambda: {name: f"{one.description} [{one.unit}]" for name, one in METRICS.items()},
+}
+"""Kinds of things that a command takes by name, and what gives their names with a line of meaning."""
+
+
+def find_kind(name: str) -> dict[str, str]:
+    """Names of a kind with their meaning; raises `StudyError` where there is no such kind."""
+    if name not in KINDS:
+        raise StudyError(f"unknown kind {name!r}{near(name, KINDS)}")
+    return KINDS[name]()

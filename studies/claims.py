@@ -33,7 +33,7 @@ CORRECTED, PRINTED = "greedy-literal", "greedy-printed"
 LAYERS = (PRINTED, CORRECTED, "greedy-tuned", "greedy", "cooperative")
 """The patent as printed; its steps with corrected equations; at its best within its words; its caps and level on what all
 units report; its idea, that the rear makes up for the front, on the adhesion that each unit finds. Thresholds of Fig. 5, the
-differentiator behind it, and the time for which limits hold are not printed; all but the third layer have those of all trains."""
+differentiator behind it, and hold time are not printed; but for the third layer they are those of all trains here."""
 PRIOR_ART = ("preset", "sharing")
 """What the patent wants to improve on: a fixed pattern, and shortfalls that are handed on step by step."""
 OTHERS = ("alone", *PRIOR_ART, "oracle")

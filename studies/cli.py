@@ -1,6 +1,7 @@
 """The command `readhesion`.
 
-Exit codes: 0; 1 where all runs failed, a law is broken or a worker was lost; 2 for bad input; 130 and 143 where it was stopped.
+Exit codes: 0; 1 where all runs failed, a law is broken or a worker was lost; 2 for bad input; 130 and 143 where it was
+stopped by a signal.
 """
 
 import io
@@ -9,7 +10,7 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -196,9 +197,10 @@ def simulate(
     if out is not None:
         save(run, out)
     if figure is not None:
+        import paper_figs
         from paper_figs.event import course
 
-        _save(lambda: course(run), figure)
+        paper_figs.save(lambda: course(run), figure)
     if as_json:
         about = {"scenario": event.name, "rule": rule, "controller": controller, "seed": seed}
         known = {name: None if one != one else one for name, one in values.items()}
@@ -277,10 +279,11 @@ def sweep(
 
 def _run(study: "Study", folder: Path, events: int | None, seed: int, work: Work) -> "pd.DataFrame":
     """The rows of a study; they are written as they are, and as tables and figure."""
+    from paper_figs import styled
     from studies.core import run_study, write_results
 
     rows = run_study(study, folder, events, seed, **work.options())
-    with _styled():
+    with styled():
         write_results(study, rows, folder)
     return rows
 
@@ -310,11 +313,11 @@ def figures(
     kind: Annotated[Literal["pdf", "png", "svg"], Parameter("--format")] = "pdf",
     work: Work = ALONE,
     dry_run: Flag = False,
-) -> int:
+) -> None:
     """Draw the figures of the papers, each with its caption beside it.
 
-    A figure of a study shows the rows of its last sweep. One that is named gets them by a sweep
-    where there are none; without names such figures are left out.
+    A figure of a study shows the rows of its last sweep. Where there are none, the sweep is run for a
+    figure that is asked for by name or source; among all figures it is left out.
 
     Parameters
     ----------
@@ -329,50 +332,42 @@ def figures(
     kind
         Format of the files.
     dry_run
-        Say for each figure what is to be run; draw none.
+        Say which sweeps are to be run, and about how long they take; draw nothing.
     """
-    import pandas as pd
+    import paper_figs
 
-    from alloc.sources import write_whole
-    from paper_figs import all_figures
+    chosen = paper_figs.chosen_figures(names, source)
+    lacking = {one.study for one in chosen.values()
+               if one.study and not (results / one.study / "rows.parquet").is_file()}  # fmt: skip
+    if not names and source is None:
+        for study in sorted(lacking):
+            print(f"left out for want of rows: those of readhesion sweep {study}")
+        chosen = {name: one for name, one in chosen.items() if one.study not in lacking}
+        lacking = set()
+    for study in sorted(lacking):
+        found = _study_or_comparison(study)
+        if dry_run:
+            print(f"{study}: ", end="")
+            _forecast(found, results / study, found.events, 0, work)
+        else:
+            _run(found, results / study, None, 0, work)
+    if dry_run:
+        print(f"{len(chosen)} figures to draw")
+        return
+    for path in paper_figs.draw(chosen, results, out, kind):
+        print(f"{path}: {chosen[path.stem].caption}"[: _width()])
+
+
+def _study_or_comparison(name: str) -> "Study":
     from studies.catalogue import find_study
-    from studies.core import StudyError
-    from studies.scenario import near
+    from studies.compare import grid, study_of
 
-    known = all_figures()
-    if source is not None:
-        known = {name: one for name, one in known.items() if one.source == source}
-        if not known:
-            raise StudyError(f"--source {source}: no figure is of this document")
-    for name in names:
-        if name not in known:
-            raise StudyError(f"unknown figure {name!r}{near(name, known)}")
-    for name in names or known:
-        drawing = known[name]
-        stored = results / drawing.study / "rows.parquet"
-        if drawing.study and not stored.is_file():
-            if dry_run:
-                print(f"{name}: needs readhesion sweep {drawing.study}")
-                continue
-            if not names and source is None:
-                print(f"{name}: left out; readhesion sweep {drawing.study} gives its rows")
-                continue
-            _run(find_study(drawing.study), results / drawing.study, None, 0, work)
-        elif dry_run:
-            print(f"{name}: nothing to run but what it draws")
-            continue
-        draw = partial(drawing.draw, pd.read_parquet(stored)) if drawing.study else drawing.draw
-        out.mkdir(parents=True, exist_ok=True)
-        _save(draw, out / f"{name}.{kind}")
-        caption = f"{drawing.caption}\n"
-        write_whole(out / f"{name}.txt", partial(Path.write_text, data=caption, encoding="utf-8"))
-        print(f"{out / name}.{kind}: {drawing.caption}"[: _width()])
-    return 0
+    return study_of(grid()) if name == "compare" else find_study(name)
 
 
 @app.command(name="list")
 def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
-    """Name scenarios, rules, controllers, curves, trains, studies, figures and metrics.
+    """Name what there is: scenarios, rules, controllers, curves, trains, studies, figures, metrics.
 
     Parameters
     ----------
@@ -381,31 +376,9 @@ def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
     as_json
         Print JSON instead.
     """
-    from alloc.metrics import METRICS
-    from alloc.onboard.host import CONTROLLERS
-    from alloc.plant.adhesion import CURVES
-    from alloc.plant.sets import SETS, find_set
-    from alloc.rules import RULES
-    from paper_figs import all_figures
-    from studies.catalogue import STUDIES, find_study
-    from studies.core import StudyError
-    from studies.scenario import load, near, shipped
+    from studies.catalogue import KINDS, find_kind
 
-    kinds: dict[str, Callable[[], dict[str, str]]] = {
-        "scenarios": lambda: {name: load(name).title for name in shipped()},
-        "rules": lambda: {name: one.description for name, one in RULES.items()},
-        "controllers": lambda: {name: one.meaning for name, one in CONTROLLERS.items()},
-        "curves": lambda: {name: (one.__doc__ or "").partition("\n")[0]
-                           for name, one in CURVES.items()},
-        "trains": lambda: {name: f"{len(find_set(name).cars)} cars, {find_set(name).mass / 1e3:.0f} t"
-                           for name in SETS},
-        "studies": lambda: {name: find_study(name).question for name in STUDIES},
-        "figures": lambda: {name: one.caption for name, one in all_figures().items()},
-        "metrics": lambda: {name: f"{one.description} [{one.unit}]" for name, one in METRICS.items()},
-    }  # fmt: skip
-    if kind is not None and kind not in kinds:
-        raise StudyError(f"unknown kind {kind!r}{near(kind, kinds)}")
-    found = {name: make() for name, make in kinds.items() if kind in (None, name)}
+    found = {name: find_kind(name) for name in ([kind] if kind else KINDS)}
     if as_json:
         print(json.dumps(found, indent=1))
         return
@@ -431,7 +404,7 @@ def check(name: str, *, as_json: Json = False) -> int:
     from alloc.rules import RULES
     from alloc.rules.testing import verdict
     from alloc.testing import laws_of_part
-    from studies.core import StudyError
+    from studies import StudyError
     from studies.scenario import near
 
     known = [*RULES, *CONTROLLERS, *CURVES]
@@ -533,7 +506,7 @@ def cite(*, as_bibtex: Annotated[bool, Parameter("--bibtex", negative=())] = Fal
 
 
 def _split(words: Sequence[str] | None) -> list[str]:
-    from studies.core import StudyError
+    from studies import StudyError
 
     found = [part.strip() for word in words or () for part in word.split(",")]
     if words is not None and not any(found):
@@ -542,7 +515,7 @@ def _split(words: Sequence[str] | None) -> list[str]:
 
 
 def _check_whole(option: str, value: int | None, least: int, most: int) -> None:
-    from studies.core import StudyError
+    from studies import StudyError
 
     if value is not None and not least <= value <= most:
         raise StudyError(f"{option} {value}: give a whole number from {least} to {most}")
@@ -550,7 +523,7 @@ def _check_whole(option: str, value: int | None, least: int, most: int) -> None:
 
 def _check_file(path: Path | None, *endings: str) -> None:
     """Raise `StudyError` where a file cannot be written; minutes would be spent in vain."""
-    from studies.core import StudyError
+    from studies import StudyError
 
     if path is None:
         return
@@ -572,23 +545,6 @@ def _counted(rows: "pd.DataFrame") -> str:
 
 def _width() -> int:
     return os.get_terminal_size().columns if sys.stdout.isatty() else LONGEST
-
-
-def _styled() -> Any:
-    """A context in which figures have the style of the papers."""
-    import matplotlib as mpl
-
-    return mpl.rc_context(
-        fname=str(Path(__file__).parents[1] / "paper_figs" / "readhesion.mplstyle")
-    )
-
-
-def _save(draw: Callable[[], Any], path: Path) -> None:
-    from alloc.sources import write_whole
-
-    with _styled():
-        made = draw()
-        write_whole(path, made.savefig)
 
 
 # the whole
@@ -617,6 +573,7 @@ def launch(
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code. What goes wrong is one line on stderr."""
     from alloc.errors import InputError, UnsoundRun, check_compiling
+    from studies import WorkerLost
 
     said: set[str] = set()
 
@@ -628,7 +585,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         check_compiling()
         with warnings.catch_warnings():
-            warnings.showwarning = warn  # type: ignore[assignment]
+            warnings.showwarning = warn
             code = app.meta(
                 arguments, exit_on_error=False, print_error=False, result_action="return_value"
             )
@@ -646,14 +603,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         named = error.filename is not None and error.strerror
         return _refuse(f"file {str(error.filename)!r}: {error.strerror}" if named else str(error))
-    except UnsoundRun as error:
-        _refuse(str(error))
-        return FAILED
-    except RuntimeError as error:
-        from studies.core import WorkerLost
-
-        if not isinstance(error, WorkerLost):
-            raise
+    except (UnsoundRun, WorkerLost) as error:
         _refuse(str(error))
         return FAILED
 

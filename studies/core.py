@@ -39,7 +39,7 @@ from rich.progress import (
 )
 
 from alloc.sources import ASIDE, write_whole
-from studies import StudyError
+from studies import StudyError, WorkerLost
 from studies.plugins import load_plugins, loaded_files
 from studies.row_key import decides, key_of
 from studies.statistics import Statement, statement_table
@@ -48,10 +48,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure  # half a second that workers do not need
 
 Row = dict[str, Any]
-
-
-class WorkerLost(RuntimeError):
-    """A worker ended before its work did; what was computed is kept."""
 
 
 class Cell(NamedTuple):

@@ -199,7 +199,7 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
     for law in CONTROLLERS:
         for rule in SHARERS:
             own = pairs(good, law, rule)
-            text = "delivers more than alone: effort up to the plan [points of it]"
+            text = "delivers more than alone: effort up to the plan [points of plan]"
             claims.append(
                 Claim(f"{rule}, {law}", text, own["gain"], 0.0, parts=parts_of(own), digits=2)
             )
@@ -239,7 +239,7 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
                 "controller": law,
                 "rule": rule,
                 **costs(own, "", USE),
-                "headroom gained [%]": mean(gained(own)).text(1) if less else "–",
+                "headroom gained [%]": mean(gained(own)).text(1) if rule in SHARERS else "–",
                 "less": less or "–",
                 **costs(own, less, COSTS),
                 "delivers more than alone": verdicts.get(f"{rule}, {law}", "–"),
@@ -256,8 +256,8 @@ def figure(rows: pd.DataFrame) -> Figure:
     for axes, law in zip(panels, CONTROLLERS, strict=True):
         for rule in ("greedy", "sharing", OWN):
             own, look = pairs(good, law, rule), RULES[rule]
-            axes.plot(own["room"], own["gain"], look.marker, color=look.colour, markersize=2.5,
-                      alpha=0.7, label=rule)  # fmt: skip
+            axes.plot(own["room"], own["gain"], look.marker, color=look.colour, markersize=3,
+                      markeredgewidth=0, alpha=0.7, label=rule)  # fmt: skip
         axes.axline((0.0, 0.0), slope=1.0, color="0.5", linewidth=0.8)
         axes.set(title=law, xlabel="headroom [points of plan]")
     panels[0].set_ylabel("gain over alone [points of plan]")

@@ -134,8 +134,8 @@ def train(cars: int = 3, shoe_force_share: float = CALIBRATED.shoe_force_share) 
     whole = find_set("jp4209318-3car")
     car, brake = whole.cars[0], whole.cars[0].air_brake
     assert brake is not None
-    axle_load = (car.mass / len(car.axle_positions)) * GRAVITY
-    force = shoe_force_share * axle_load / brake.maximum_pressure
+    axle_mass = car.mass / len(car.axle_positions)
+    force = shoe_force_share * axle_mass * GRAVITY / brake.maximum_pressure
     car = replace(car, air_brake=replace(brake, force_per_pascal=force))
     return replace(whole, name=f"jp4209318-{cars}car", cars=(car,) * cars)
 

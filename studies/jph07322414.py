@@ -226,13 +226,13 @@ def normalised(rate: float, of: Route) -> Learner:
     return learn
 
 
-def least_squares(doubt: Floats, noise: float = 500.0) -> Learner:
-    """Recursive least squares from a prior of standard deviation `doubt` (weights,); samples scatter by `noise` [N].
+def least_squares(doubt: Floats) -> Learner:
+    """Recursive least squares from a prior of standard deviation `doubt` (weights,); samples scatter by 500 N.
 
     As in the source W1 moves in the open only and W2 in tunnels only. Elsewhere they are considered parameters of Schmidt's
     filter (1966). Joseph's form keeps the covariance positive.
     """
-    covariance, variance = np.diag(doubt**2), noise * noise
+    covariance, variance = np.diag(doubt**2), 500.0**2
 
     def learn(weights: Floats, z: Floats, error: float, a: float) -> Floats:
         nonlocal covariance

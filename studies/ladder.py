@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from alloc.onboard.host import CONTROLLERS
 from alloc.plant.train import Train
+from paper_figs.style import WIDE
 from studies import events as e
 from studies.core import Cell, Study
 from studies.runs import cell, complete, run
@@ -234,8 +235,8 @@ FIGURE = {
 
 
 def figure(rows: pd.DataFrame) -> Figure:
-    """What a controller uses, and what it costs: means with intervals, hollow on the locomotive."""
-    drawn = Figure(figsize=(7.16, 2.9), layout="constrained")
+    """What a controller uses, and what it costs: means with intervals."""
+    drawn = Figure(figsize=(WIDE, 3.0), layout="constrained")
     panels = drawn.subplots(1, len(FIGURE), sharey=True)
     for axes, (metric, (label, scale)) in zip(panels, FIGURE.items(), strict=True):
         for group, name, own in groups(rows):
@@ -248,6 +249,7 @@ def figure(rows: pd.DataFrame) -> Figure:
             )
         axes.set(xlabel=label, xscale="linear" if metric == USED else "log")
     panels[0].set_yticks(-np.arange(len(ARMS)) - 0.15, ARMS)
+    drawn.supxlabel(f"filled: {GROUPS[0]}, hollow: {GROUPS[1]}")
     return drawn
 
 

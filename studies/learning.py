@@ -1,7 +1,7 @@
 """JP5484215: growth of adhesion along the train, from counts of slides (12) to (15), and learnt on the way (16), (17).
 
-In embodiment 2 every unit tells the leader the coefficient at its slips. Less the leader's own one it is a datum of the unit's
-increment. Increments change "after several stations", so between runs: what the leader was told stands in the record
+In embodiment 2 every unit tells the leader the coefficient at its slips; less the leader's own one it is a datum of the
+unit's increment. Increments change "after several stations", so between runs: what the leader was told stands in the record
 of a run, and learning needs no code on board. Here trains begin with increments of zero or twice the true ones, on an even
 and on a scattered rail. Rules are called as printed, at slips alone, because there (5) decides every cap.
 """
@@ -22,10 +22,10 @@ from alloc.event import Event
 from alloc.metrics import METRICS
 from alloc.onboard.increment_learning import IncrementLearning
 from alloc.plant.laws import hyperbolic_speed_law
-from alloc.plant.rail import SPEED_LAWS, logarithmic_increments
+from alloc.plant.rail import GROWTH_SLOPE, SPEED_LAWS, logarithmic_increments
 from alloc.simulation import simulate
 from studies.core import Cell, Row, Study, StudyError
-from studies.scenario import load
+from studies.scenario import Scenario, load
 from studies.statistics import Claim, Statement, judge, mean
 
 Floats = NDArray[np.float64]
@@ -33,13 +33,8 @@ Counts = NDArray[np.int64]
 
 # From slides per axle to increments.
 
-SIGMA = 0.012
-"""Standard deviation of measured coefficients about the planned one, par. 0055."""
-LEAD = 4
-"""Axles of the lead car, whose mean is the reference."""
-LEAD_LOG = float(np.log(np.arange(1, LEAD + 1)).mean())
-SLOPE = 0.0083
-"""Of (15) over ln j."""
+SIGMA, LEAD = 0.012, 4
+"""Standard deviation of measured coefficients about the planned one, par. 0055; axles of the lead car, whose mean counts."""
 
 
 def planned(speed: Floats) -> Floats:
@@ -117,6 +112,7 @@ ARMS = {
     "mean_held": Arm("mean", held=True, grows=True),
     "gaussian_held": Arm("gaussian", held=True),
 }
+LEARNING = [name for name, arm in ARMS.items() if arm.learner not in ("none", "truth")]
 
 
 class Stored:
@@ -148,17 +144,18 @@ class Stored:
 
 
 def data(run: xr.Dataset, event: Event, held: bool) -> list[tuple[int, float]]:
-    """Unit and datum of each slip behind the leader in a `run` of a sound train, in the order of their receipt.
+    """Unit and datum of each slip behind the leader in a `run`, in the order of their receipt.
 
-    A slip is told in the next telegram. `held`: see `Arm`; the leader's last slip counts for its hold time.
+    The train is sound and its telegrams arrive: a slip is told in the next one. `held`: see `Arm`; the leader's last slip
+    counts for its hold time.
     """
     time, estimate = run["time"].values, run["coefficient_estimate"].values
     telegrams, hold = event.onboard.telegrams, event.onboard.hold_time
     slips = np.argwhere(np.diff(run["slipping"].values, axis=0, prepend=0) > 0)
     own, found = slips[slips[:, 1] == 0, 0], list[tuple[int, int, float]]()
     for at, unit in slips[slips[:, 1] > 0]:
-        sent = np.ceil(time[at] / telegrams.period - 1e-6) * telegrams.period
-        receipt = sent + telegrams.latency
+        after = np.ceil(time[at] / telegrams.period - 1e-6)
+        receipt = after * telegrams.period + telegrams.latency
         k = round(float(receipt / (time[1] - time[0])))
         before = own[own <= k]
         if k >= time.size or (held and not (before.size and receipt - time[before[-1]] <= hold)):
@@ -173,13 +170,14 @@ def data(run: xr.Dataset, event: Event, held: bool) -> list[tuple[int, float]]:
 STATIONS, DURATION = 24, 12.0
 """Number of starts, and their length [s]."""
 LEVEL, HALF_WIDTH = 0.128, 0.0147
-"""Adhesion coefficient of the rail, uniform over stations: below 0.147, so that the foremost unit slips at every start, and on
+"""Adhesion coefficient of the rail, uniform over stations: below 0.147, so that the foremost unit slips at every start, on
 both sides of the level at which the train as a whole reaches the plan."""
 RAILS = {"even": 0.0, "scattered": 0.0085}
 """Scatter along the rail, assumed half of the variance of `SIGMA`; the level has the other half."""
 AT_FIRST = {"too low": 0.0, "too high": 2.0}
 """Increments stored at first over the true ones."""
-KINDS = tuple(product(RAILS, AT_FIRST))
+Kind = tuple[str, str]
+KINDS: tuple[Kind, ...] = tuple(product(RAILS, AT_FIRST))
 TOLERANCE, LITTLE = 0.002, 0.01
 """Largest error of a unit with which increments count as learnt, a tenth of the largest one; share of the plan's effort that
 is little."""
@@ -190,27 +188,26 @@ METRIC_NAMES = ("effort_ratio", "slip_time", "damage")
 CALLED_AT_ALL_SLIPS = IncrementLearning("running-mean", first=10**9)
 
 
-def start(kind: tuple[str, str], event: int, station: int, seed: int) -> Event:
+def start(base: Scenario, kind: Kind, event: int, station: int, seed: int) -> Event:
     """A start at a station, the same in every arm; trains run forward in even events, backward in odd ones."""
     train, backward = divmod(event, 2)
     numbers = (seed, train, KINDS.index(kind), backward, station)
     event_seed, level_seed = np.random.SeedSequence(numbers).generate_state(2).tolist()
     level = LEVEL + HALF_WIDTH * float(np.random.default_rng(level_seed).uniform(-1.0, 1.0))
-    base = load("wet-start")
     rail = base.rail.model_dump() | {"level": level, "scatter": RAILS[kind[0]]}
     how = {"variation": None, "duration_s": DURATION, "reversed": backward == 1}
     return base.changed(rail=rail, onboard={"trigger": "slip"}, **how).event(event_seed)
 
 
-def run(rail: str, at_first: str, arm: str, event: int, seed: int, stations: int) -> list[Row]:
-    """All starts of an event."""
+def run(base: Scenario, kind: Kind, arm: str, event: int, seed: int, stations: int) -> list[Row]:
+    """All starts of an event; `base` is the scenario of a start on a wet rail."""
     how, rows, stored = ARMS[arm], list[Row](), None
     for station in range(1, stations + 1):
-        own = start((rail, at_first), event, station, seed)
+        own = start(base, kind, event, station, seed)
         per_axle = np.asarray(own.model.rail.increments, dtype=float)
         truth = unit_increments(per_axle, own.model.structure.axle_unit)
         if stored is None:
-            stored = Stored((1.0 if how.learner == "truth" else AT_FIRST[at_first]) * truth)
+            stored = Stored((1.0 if how.learner == "truth" else AT_FIRST[kind[1]]) * truth)
         belief = replace(own.onboard.belief, unit_increments=tuple(stored.increment.tolist()))
         onboard = replace(own.onboard, belief=belief, learning=CALLED_AT_ALL_SLIPS)
         found = simulate(replace(own, onboard=onboard), "exact")
@@ -226,11 +223,11 @@ def run(rail: str, at_first: str, arm: str, event: int, seed: int, stations: int
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Every event on each kind of rail and with each kind of stored increments, in every arm."""
-    found = []
-    for event, (rail, first), arm in product(range(events), KINDS, ARMS):
-        columns = {"rail": rail, "at_first": first, "arm": arm, "event": event}
-        args = (rail, first, arm, event, seed, STATIONS)
-        found.append(Cell(f"{rail}/{first}/{arm}/{event}", args, columns))
+    base, found = load("wet-start"), []
+    for event, kind, arm in product(range(events), KINDS, ARMS):
+        columns = {"rail": kind[0], "at_first": kind[1], "arm": arm, "event": event}
+        name = f"{kind[0]}/{kind[1]}/{arm}/{event}"
+        found.append(Cell(name, (base, kind, arm, event, seed, STATIONS), columns))
     return found
 
 
@@ -259,24 +256,28 @@ def series(rows: pd.DataFrame) -> pd.DataFrame:
 def statements(rows: pd.DataFrame) -> list[Statement]:
     """Verdicts as one family, and by kind."""
     by = series(rows)
-    parts = {f"{rail} rail, stored {first}": (by["rail"] == rail) & (by["at_first"] == first)
-             for rail, first in KINDS}  # fmt: skip
+    rail, first = by["rail"], by["at_first"]
+    parts = {f"{a} rail, stored {b}": (rail == a) & (first == b) for a, b in KINDS}
     claims = []
-    for arm in ("mean", "mean_growing", "mean_held", "gaussian_held"):
-        error, until, effort = (
-            by[f"{name}_{arm}"] for name in ("error", "stations", "effort_ratio")
-        )
-        numbers = {
-            f"learnt within {TOLERANCE} in most series": (until.notna() * 1.0, 0.5, 2),
-            "closer to the truth": (by["error_none"] - error, 0.0, 4),
-            "effort over the plan's gained": (effort - by["effort_ratio_none"], 0.0, 4),
-            "true ones gain less than 0.01": (effort - by["effort_ratio_truth"], -LITTLE, 4),
-        }
-        for text, (values, least, digits) in numbers.items():
-            name = f"{arm.replace('_', ', ')}: {text}"
-            claims.append(Claim(name, text, values, least, digits=digits))
+    for arm in LEARNING:
+        error, until = by[f"error_{arm}"], by[f"stations_{arm}"]
+        effort, words = by[f"effort_ratio_{arm}"], arm.replace("_", ", ")
+        gained, lost = effort - by["effort_ratio_none"], effort - by["effort_ratio_truth"]
+        for name, text, values, least, digits in (
+            (
+                "learnt",
+                f"errors stay below {TOLERANCE} in most events",
+                until.notna() * 1.0,
+                0.5,
+                2,
+            ),
+            ("closer", "errors are smaller than at first", by["error_none"] - error, 0.0, 4),
+            ("effort", "learning gains effort over the plan's", gained, 0.0, 4),
+            ("as good", "true increments would gain little more", lost, -LITTLE, 4),
+        ):
+            claims.append(Claim(f"{words}: {name}", text, values, least, digits=digits))
     for name in ("received", "held"):
-        text = f"true increments stored: data, {name}, lie about the truth"
+        text = "data lie about the truth where true increments are stored"
         values = by[f"excess_{name}_truth"]
         claims.append(Claim(f"unbiased: {name}", text, values, -TOLERANCE, TOLERANCE, digits=4))
     return judge([one._replace(parts=parts) for one in claims])
@@ -303,42 +304,42 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def figure(rows: pd.DataFrame) -> Figure:
-    """Figs. 10 to 13, and the errors that learning leaves."""
+    """Figs. 10 to 13, and the error that learning leaves of increments that were stored too high."""
     drawn = Figure(figsize=(7.16, 4.0), layout="constrained")
     (ten, eleven, twelve), (thirteen, *learning) = drawn.subplots(2, 3)
     g, speed = np.random.default_rng(1), np.linspace(20.0, 280.0, 100)
     at = g.uniform(30.0, 270.0, 200)
-    scattered = planned(at / 3.6) + SIGMA * g.standard_normal(at.size)
-    ten.plot(at, scattered, ".", ms=2, label="drawn, not measured")
+    ten.plot(at, planned(at / 3.6) + SIGMA * g.standard_normal(200), ".", ms=2, label="drawn")
     ten.plot(speed, planned(speed / 3.6), "k", label="(12)")
-    counts = drawn_counts(64, 500)
-    j, (shift, covariance) = np.arange(1, counts.size + 1), axle_shifts(counts)
-    slope, deviation = fit(shift, covariance)
+    counts, j = drawn_counts(64, 500), np.arange(1, 65)
     eleven.bar(j, counts, width=1.0)
+    shift, covariance = axle_shifts(counts)
+    slope, error = fit(shift, covariance)
     twelve.errorbar(j, shift, np.sqrt(np.diag(covariance)), fmt=".", ms=3, lw=0.5)
-    twelve.plot(j, slope * (np.log(j) - LEAD_LOG), label=f"slope {slope:.4f} ± {deviation:.4f}")
-    twelve.plot(j, logarithmic_increments(j.size), "k--", label=f"(15), {SLOPE}")
+    fitted = slope * (np.log(j) - np.log(j[:LEAD]).mean())
+    twelve.plot(j, fitted, label=f"{slope:.4f} ± {error:.4f} per ln j")
+    twelve.plot(j, logarithmic_increments(64), "k--", label=f"(15), {GROWTH_SLOPE}")
     for group, marker in (("1C4M", "s"), ("1C2M", "^"), ("1C1M", ".")):
         of_axle = load("wet-start").changed(inverter_group=group).event().model.structure.axle_unit
-        units = range(of_axle.max() + 1)
-        middle = [np.flatnonzero(of_axle == unit).mean() + 1.0 for unit in units]
         found = unit_increments(logarithmic_increments(of_axle.size), of_axle)
+        middle = [np.flatnonzero(of_axle == unit).mean() + 1.0 for unit in range(found.size)]
         thirteen.plot(middle, found, marker, label=group)
     high = rows[(rows["status"] == "ok") & (rows["at_first"] == "too high")]
     for axes, rail in zip(learning, RAILS, strict=True):
-        for arm in ARMS:
+        for arm in LEARNING:
             own = high[(high["rail"] == rail) & (high["arm"] == arm)]
             axes.plot(own.groupby("station")["error"].mean(), label=arm.replace("_", ", "))
+        axes.set(
+            xlabel="station", ylabel="largest error [1]", title=f"{rail} rail", ylim=(0.0, None)
+        )
     for axes, x, y, title in (
-        (ten, "speed [km/h]", "coefficient", "Fig. 10"),
-        (eleven, "axle", "slides", "Fig. 11 (drawn)"),
-        (twelve, "axle", "k σ", "Fig. 12"),
-        (thirteen, "axle", "increment over unit 1", "Fig. 13"),
-        *((one, "station", "largest error", f"{rail} rail, stored too high")
-          for one, rail in zip(learning, RAILS, strict=True)),
-    ):  # fmt: skip
+        (ten, "speed [km/h]", "coefficient [1]", "Fig. 10"),
+        (eleven, "axle", "slides", "Fig. 11, drawn from (14), (15)"),
+        (twelve, "axle", "k σ [1]", "Fig. 12"),
+        (thirteen, "axle", "increment over unit 1 [1]", "Fig. 13"),
+    ):
         axes.set(xlabel=x, ylabel=y, title=title)
-    for axes in (ten, twelve, thirteen, learning[0]):
+    for axes in (ten, twelve, thirteen, learning[1]):
         axes.legend()
     return drawn
 

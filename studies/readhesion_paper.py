@@ -83,7 +83,8 @@ class Unprinted:
     """What the paper does not print."""
 
     residual_ratio: float
-    """mu_inf over mu_max; it is read as proportional, for the scenario changes mu_max alone."""
+    """mu_inf over mu_max, which is assumed to be constant. If mu_inf were, each set in use would lose a finding: a_w of
+    0.6 readheres (km/h/s), mu_use does not fall sharply (m/s2)."""
     rise: float
     """T_u [s]."""
     fall: float
@@ -235,7 +236,7 @@ def indices(run: Run, limit: float) -> Row:
     """Readhesion possibility, mu_use (10), mu_r (11), and the longest time in macro slip [s] from 6 s to 14 s."""
     low = (run.time >= DROP) & (run.time <= RECOVERY)
     used = float(np.trapezoid(run.mu[low], run.time[low]) / np.ptp(run.time[low]))
-    longest = RECORD * float(np.diff(spans(run.macro[low]), axis=1).max(initial=0))
+    longest = RECORD * float(np.diff(spans(run.macro[low][:-1]), axis=1).max(initial=0))
     found = {"used": used, "utilisation": used / limit, "longest_slip": longest}
     return {"limit": limit, "possible": possible(run)} | found
 

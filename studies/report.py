@@ -44,8 +44,8 @@ def write(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
         from jinja2 import Environment
         from markupsafe import Markup
         from plotly.offline import get_plotlyjs
-    except ImportError as error:
-        needs = f"a report needs {error.name}: pip install 'readhesion[report]'"
+    except ImportError:
+        needs = "a report needs jinja2 and plotly: pip install 'readhesion[report]'"
         raise StudyError(needs) from None
     rows = _rows(folder)
     found = standings(rows)
@@ -55,7 +55,7 @@ def write(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # names in our order
     text = environment.from_string(Path(__file__).with_suffix(".html").read_text("utf-8")).render(
         plotly=Markup(get_plotlyjs()),
-        reference=REFERENCE,
+        reference=REFERENCE if REFERENCE in rows["rule"].values else "",
         answer=answer(found).splitlines(),
         about={kind: rows[kind].nunique() for kind in ("scenario", "rule", "controller", "seed")},
         runs=len(rows),

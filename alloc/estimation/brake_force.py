@@ -1,7 +1,6 @@
-"""Brake force of each car from coupler forces and accelerations: RTRI report (2) to (9); means, smoother, shortfall.
+"""Brake force of each car from coupler forces and accelerations: RTRI report (2) to (9), and smoothed over the stop.
 
-In: series of coupler forces and accelerations, (instants, cars). Out: forces [N] with their uncertainty, and which car did
-not deliver what was allocated to it.
+In: series of coupler forces and accelerations, (instants, cars). Out: forces [N] with their uncertainty.
 """
 
 import math
@@ -12,12 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
-from scipy.special import stdtrit
 
 from alloc.display import displayed
 from alloc.errors import EstimationError
 from alloc.estimation.series import finite_series, positive_series
-from alloc.estimation.slip_events import SlipCriterion
 from alloc.plant.laws import gradient_force
 
 # Brake force of each car from coupler forces and accelerations: Hijikata and Nishimura, RTRI report, (2) to (9).
@@ -136,34 +133,10 @@ class BrakeRigging(NamedTuple):
         return np.asarray(cars * constant * p * mu)
 
 
-# Averaging of estimated brake forces over a stop, with the uncertainty of the mean (RTRI report, 3.2.3).
-#
-# The mean of (2) over a window of N samples has errors of three origins:
-#
-# - Noise of the sensors is independent from sample to sample: s^2 / N. s^2 is computed from second differences, which a
-#   slowly
-#   changing force does not enter. The mean of (x_(k-1) - 2 x_k + x_(k+1))^2 is 6 s^2 (Gasser, Sroka and Jennen-
-#   Steinmetz 1986,
-#   Biometrika 73; its variance is 35 s^4 / 9 N, so 18 N / 35 degrees of freedom). A change of the force itself within
-#   the
-#   window does not make its mean uncertain. The scatter of batch means would count it, however they are detrended.
-# - Relative motion matters where another car's acceleration stands for that of a stretch, as in (5). The error at an
-#   instant
-#   is dP/dt with the relative momentum P = sum m_k (v_k - v_1), so that of the mean is (P_end - P_start) / T. It falls
-#   with
-#   1/T, not with its root. Errors of neighbouring batches have opposite signs, since what one gains the next one loses
-#   (with B
-#   batches the scatter overestimates by sqrt(B)). P is the difference between the integral of the estimate and the
-#   integral of
-#   a smooth force. With its mean square about a polynomial, and independent ends, the variance is 2 P^2 / T^2.
-# - An error that stays constant over the stop is not in the series:
-#   `alloc.estimation.brake_force.CalibrationErrors`.
-
+# The report's window of a stop.
 
 BUILT_UP = 0.632
 """Share of the steady cylinder pressure from which the report averages: dead time and one time constant have passed."""
-TREND = 4
-"""Degree of the polynomial in time that a force follows while it builds up and friction rises with falling speed."""
 
 
 def braking_window(
@@ -195,86 +168,6 @@ def braking_window(
             f"averaging: the pressure does not reach {BUILT_UP:.1%} of {final:g} Pa before standstill"
         )
     return slice(int(built[0]), end)
-
-
-@displayed
-@dataclass(frozen=True, eq=False)
-class SeriesMean:
-    """Mean of one or several series with its uncertainty; fields are (series,), or scalars in arrays for one."""
-
-    mean: Floats
-    noise: Floats
-    """Standard deviation of the mean due to errors that are independent from sample to sample."""
-    motion: Floats
-    """The same due to relative motion; 0 where every car has its own acceleration."""
-    freedom: float
-    """Degrees of freedom from which `noise` was estimated."""
-
-    @property
-    def deviation(self) -> Floats:
-        """Standard deviation of the mean, without errors that are constant over the stop."""
-        return np.hypot(self.noise, self.motion)
-
-    def interval(
-        self, confidence: float = 0.95, constant: ArrayLike = 0.0
-    ) -> tuple[Floats, Floats]:
-        """Lower and upper end of the confidence interval; `constant`: deviation of errors that averaging does not remove."""
-        deviation = np.hypot(self.deviation, constant)
-        freedom = effective_freedom(self.freedom, self.noise, deviation)
-        half = stdtrit(freedom, 0.5 + 0.5 * confidence) * deviation
-        return self.mean - half, self.mean + half
-
-
-def effective_freedom(freedom: ArrayLike, estimated: Floats, whole: Floats) -> Floats:
-    """Degrees of freedom of a deviation `whole` whose part `estimated` has `freedom`, while the rest is known.
-
-    Welch (1947, Biometrika 34) and Satterthwaite (1946, Biometrics 2).
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(freedom) * np.nan_to_num((whole / estimated) ** 4, nan=1.0, posinf=1e9)
-
-
-def stop_mean(
-    values: ArrayLike, moving: bool = False, batch: int = 1, trend: int = TREND
-) -> SeriesMean:
-    """Mean of a series (time,) of equally spaced samples, or of several (time, series), with its uncertainty.
-
-    `moving`: another car's acceleration stands for that of the stretch, so the error contains relative motion; `trend`:
-    degree of the polynomial from which the integral of the series deviates by it. `batch`: samples after which noise is
-    independent, 1 for white noise; the mean's deviation is that of the means of such batches. Raises `EstimationError` where
-    the series is too short.
-    """
-    x = finite_series("values", values, (None,), (None, None))
-    if batch < 1 or trend < 0:
-        raise EstimationError(
-            f"averaging: batch = {batch} must be 1 or more, trend = {trend} 0 or more"
-        )
-    count, least = x.shape[0] // batch, trend + 3 if moving else 3
-    if count < least:
-        raise EstimationError(
-            f"averaging: {x.shape[0]} samples are not {least} batches of {batch}; take a longer window"
-        )
-    # what does not fill a batch is left out of the noise at the start, where the force changes most
-    parts = x[x.shape[0] - count * batch :].reshape(count, batch, *x.shape[1:]).mean(axis=1)
-    bends = np.square(np.diff(parts, 2, axis=0)).mean(axis=0) / 6.0
-    motion = _relative_motion(x, trend) if moving else np.zeros(x.shape[1:])
-    return SeriesMean(
-        np.asarray(x.mean(axis=0)),
-        np.asarray(np.sqrt(bends / count)),
-        motion,
-        max((count - 2) * 18.0 / 35.0, 1.0),
-    )
-
-
-def _relative_motion(values: Floats, trend: int) -> Floats:
-    """Deviation of the mean by a momentum that the ends of the window cut off, (series,)."""
-    momentum = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-    samples = momentum.shape[0]
-    # the integral of a force that is a polynomial is one of a degree more
-    powers = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, samples), trend + 2))[0]
-    beside = momentum - powers @ (powers.T @ momentum)
-    variance = np.square(beside).sum(axis=0) / (samples - trend - 2)
-    return np.asarray(np.sqrt(2.0 * variance) / values.shape[0])
 
 
 # Brake forces of all cars from their own accelerations, smoothed over the whole stop.
@@ -423,21 +316,6 @@ def _inverse_diagonal(factors: Floats) -> Floats:
     return diagonal[:samples]
 
 
-# Which car did not deliver the brake force that was allocated to it.
-#
-# A car whose wheels slide delivers what the rail carries, and its slide protection releases the pressure. That says
-# nothing about its brake. `sliding_cars` finds where wheels slide, and `find_shortfalls` judges a car by the rest of
-# the stop.
-
-
-CONFIDENCE = 0.99
-"""Probability that no car of a train without fault is accused, if the stated deviations are right."""
-REFILLED = 3.0
-"""Time [s] after a slide in which a car is not judged yet, since its cylinders fill; assumed, times are 0.4 to 3."""
-LEAST_JUDGED = 0.1
-"""Share of the window that must be free of slides for a car to be judged."""
-
-
 @dataclass(frozen=True)
 class CalibrationErrors:
     """Standard deviations of errors that stay constant over a stop, so that no averaging removes them."""
@@ -466,84 +344,3 @@ class CalibrationErrors:
         ends = np.pad(each, [(0, 0)] * (each.ndim - 1) + [(1, 1)])
         own = (m * self.acceleration_offset) ** 2 + (self.mass * m * a) ** 2
         return np.asarray(np.sqrt(own + ends[..., :-1] + ends[..., 1:]))
-
-
-@displayed
-@dataclass(frozen=True, eq=False)
-class Shortfalls:
-    """Difference between the allocated and the delivered brake force of each car, mean over a stop."""
-
-    shortfall: Floats
-    """[N], (cars,); negative: the car gave more; nan: its wheels slid nearly all the time, so it is not judged."""
-    deviation: Floats
-    """Its standard deviation [N], (cars,)."""
-    threshold: Floats
-    """Shortfall [N] beyond which a car is accused, (cars,)."""
-
-    @property
-    def accused(self) -> NDArray[np.int64]:
-        """Cars (0 = foremost) beyond their threshold, the most certain first."""
-        order = np.argsort(-self.shortfall / np.maximum(self.deviation, 1e-9))
-        return order[self.shortfall[order] > self.threshold[order]]
-
-
-def sliding_cars(
-    axle_speed: ArrayLike,
-    axle_car: ArrayLike,
-    period: float,
-    criterion: SlipCriterion | None = None,
-    refilled: float = REFILLED,
-) -> NDArray[np.bool_]:
-    """Whether a car's wheels slide or have just done so, (time, cars).
-
-    `axle_speed` (time, axles) [m/s] at the rims; `axle_car` (axles,): car of each, 0 = foremost; `period` [s] of the
-    samples. A wheel slides where it is slower than the fastest of the train by more than the criterion. Its car is left out
-    until `refilled` [s] after the slide. If all wheels slide at once, no slide is detected: in that case give the speed over
-    ground as one more axle.
-    """
-    car = np.asarray(axle_car, dtype=int)
-    v = finite_series("axle_speed", axle_speed, (None, car.size))
-    fastest = v.max(axis=1, keepdims=True)
-    slides = fastest - v > (criterion or SlipCriterion()).bound(fastest, v)
-    cars = np.stack([slides[:, car == k].any(axis=1) for k in range(int(car.max()) + 1)], axis=1)
-    count = np.cumsum(np.pad(cars, ((1, 0), (0, 0))), axis=0)
-    since = np.maximum(np.arange(v.shape[0]) - round(refilled / period), 0)
-    return np.asarray(count[1:] > count[since])
-
-
-def find_shortfalls(
-    allocated: ArrayLike,
-    estimated: ArrayLike,
-    constant_deviation: ArrayLike = 0.0,
-    confidence: float = CONFIDENCE,
-    sliding: NDArray[np.bool_] | None = None,
-    batch: int = 1,
-) -> Shortfalls:
-    """Compare allocated and estimated brake forces [N], both (time, cars) within the window of a stop.
-
-    A car is accused where its mean shortfall exceeds the uncertainty at `confidence`, shared among the cars (Bonferroni).
-    The uncertainty has two parts: noise of the mean (`stop_mean`, with `batch`), and `constant_deviation` [N], scalar or
-    (cars,), of errors that averaging does not remove. The first is estimated and the second known, so Student's t has the
-    degrees of freedom of Welch and Satterthwaite. `sliding` (time, cars), of `sliding_cars`: samples without information on
-    the car's brake. A car with less than `LEAST_JUDGED` of the window left is not judged.
-    """
-    if not 0.5 < confidence < 1.0:
-        raise EstimationError(f"shortfall: confidence = {confidence!r} must lie in (0.5, 1)")
-    given = finite_series("allocated", allocated, (None, None))
-    found = finite_series("estimated", estimated, given.shape)
-    cars = given.shape[1]
-    constant = finite_series("constant_deviation", constant_deviation, (), (cars,))
-    left_out = np.zeros(given.shape, dtype=bool) if sliding is None else np.asarray(sliding)
-    if left_out.shape != given.shape:
-        raise EstimationError(
-            f"shortfall: sliding has shape {left_out.shape}, allocated {given.shape}"
-        )
-    mean, noise, freedom = np.full(cars, np.nan), np.full(cars, np.inf), np.ones(cars)
-    judged = (~left_out).mean(axis=0) >= LEAST_JUDGED
-    for k in np.flatnonzero(judged):
-        one = stop_mean((given - found)[~left_out[:, k], k], batch=batch)
-        mean[k], noise[k], freedom[k] = float(one.mean), float(one.noise), one.freedom
-    deviation = np.hypot(noise, constant)
-    whole = np.where(judged, effective_freedom(freedom, noise, deviation), 1.0)
-    quantile = stdtrit(whole, 1.0 - (1.0 - confidence) / cars)
-    return Shortfalls(mean, deviation, quantile * deviation)

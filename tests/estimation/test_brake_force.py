@@ -1,12 +1,9 @@
-"""Brake force per car: (2) to (8) give back what a train was built with; its mean, its smoother, and who fell short."""
+"""Brake force per car: (2) to (8) give back what a train was built with; the window; the smoother; constant errors."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import lfilter
-from scipy.stats import norm
-from scipy.stats import t as student
 
 from alloc.errors import EstimationError
 from alloc.estimation.brake_force import (
@@ -15,13 +12,10 @@ from alloc.estimation.brake_force import (
     braking_window,
     car_brake_forces,
     coupler_force_between,
-    find_shortfalls,
     group_brake_force,
     level_acceleration,
     rolling_mass,
-    sliding_cars,
     smooth_brake_forces,
-    stop_mean,
 )
 from alloc.plant.laws import GRAVITY
 from tests.cases import looped
@@ -193,13 +187,6 @@ PRESSURE = 350e3 * -np.expm1(-np.maximum(TIME - 1.0, 0.0) / 1.5)
 SPEED = np.maximum(15.0 - 0.6 * TIME, 0.0)
 
 
-def correlated(rng, runs, samples, poles):
-    """Autoregressive series (samples, runs) of unit variance after its start-up, with mean 0."""
-    coefficients = np.real(np.poly(poles))
-    x = lfilter([1.0], coefficients, rng.standard_normal((samples + 2000, runs)), axis=0)[2000:]
-    return x / x.std()
-
-
 def test_the_window_runs_from_one_time_constant_to_standstill():
     window = braking_window(PRESSURE, SPEED)
     assert TIME[window.start] == pytest.approx(1.0 + 1.5, abs=0.02)
@@ -224,88 +211,11 @@ def test_a_stop_without_a_window_is_refused(pressure, speed, options, named):
         braking_window(pressure, speed, **options)
 
 
-POLES = {
-    "white": (0.0,),
-    "correlated": (0.9,),
-    "oscillating": (0.96 * np.exp(0.2j), 0.96 * np.exp(-0.2j)),
-}
-
-
-@looped(("kind", "batch"), [("white", 1), ("correlated", 150), ("oscillating", 100)])
-def test_mean_is_unbiased_and_its_interval_is_that_of_repeated_stops(kind, batch):
-    series = correlated(np.random.default_rng(5), 600, 3000, POLES[kind])
-    means = stop_mean(3.0 + series, batch=batch)
-    assert abs(means.mean.mean() - 3.0) < 4.0 * means.mean.std() / np.sqrt(600)
-    assert means.deviation.mean() == pytest.approx(means.mean.std(), rel=0.12)
-    low, high = means.interval(0.95)
-    assert 0.92 < ((low < 3.0) & (high > 3.0)).mean() < 0.975
-
-
-def test_a_force_that_changes_is_not_uncertain_for_that():
-    """Second differences see the noise, whatever the force does slowly: builds up, and rises with falling speed."""
-    noise = np.random.default_rng(8).standard_normal((1500, 400))
-    time = np.linspace(0.0, 1.0, 1500)[:, None]
-    force = 100.0 * (1.0 - np.exp(-8.0 * time)) + 20.0 * time**2
-    assert stop_mean(noise + force).deviation == pytest.approx(stop_mean(noise).deviation, rel=1e-2)
-
-
-def test_relative_motion_cancels_in_the_mean_and_is_not_counted_as_scatter():
-    """Of a stretch with another car's acceleration the error is a change of momentum: it falls with 1/T, not its root."""
-    draw = np.random.default_rng(9)
-    momentum = correlated(draw, 500, 4001, (0.97 * np.exp(0.15j), 0.97 * np.exp(-0.15j), 0.9, 0.9))
-    force = 50.0 * (1.0 + np.linspace(0.0, 1.0, 4000)[:, None]) ** 3
-    for samples in (1000, 4000):
-        series = force[:samples] + np.diff(momentum, axis=0)[:samples]
-        means = stop_mean(series, moving=True)
-        error = means.mean - force[:samples].mean()
-        assert means.deviation.mean() == pytest.approx(error.std(), rel=0.15)
-        # few swings tell their own size: the interval is a little narrow where that varies within the window
-        low, high = means.interval()
-        assert (
-            0.88 < ((low < force[:samples].mean()) & (force[:samples].mean() < high)).mean() < 0.98
-        )
-        # what is independent from sample to sample would say far more
-        assert series.std() / np.sqrt(samples) > 1.5 * means.deviation.mean()
-    assert stop_mean(series).motion.tolist() == [0.0] * 500
-
-
-def test_what_is_constant_over_the_stop_widens_the_interval_and_is_known():
-    x = np.random.default_rng(2).standard_normal(400)
-    means = stop_mean(x)
-    low, high = means.interval(0.95, constant=10.0 * float(means.deviation))
-    assert float(high - low) / 2.0 == pytest.approx(
-        np.sqrt(101.0) * 1.96 * float(means.deviation), rel=1e-3
-    )
-
-
-def test_too_short_series_are_refused():
-    with pytest.raises(EstimationError, match="2 samples are not 3 batches of 1"):
-        stop_mean(np.zeros(2))
-    with pytest.raises(EstimationError, match="6 samples are not 7 batches"):
-        stop_mean(np.zeros(6), moving=True)
-    with pytest.raises(EstimationError, match="batch = 0"):
-        stop_mean(np.zeros(9), batch=0)
-    with pytest.raises(EstimationError, match="values holds nan"):
-        stop_mean(np.array([0.0, np.nan]))
-
-
 def test_steady_pressure_is_that_of_the_last_quarter():
     # 63.2 % of 300 kPa are 189.6 kPa, which the second quarter has; of the 200 kPa before it would be the first
     pressure = np.repeat([150e3, 200e3, 200e3, 300e3], 10)
     speed = np.where(np.arange(41) < 40, 10.0, 0.0)
     assert braking_window(np.append(pressure, 0.0), speed) == slice(10, 40)
-
-
-def test_noise_by_hand():
-    # of two samples each the first is left: means 2, 8, 3, second difference -11, of it 121 / 6, of the mean a third
-    means = stop_mean([9.0, 1.0, 3.0, 5.0, 11.0, 4.0, 2.0], batch=2)
-    assert [float(means.mean), float(means.deviation)] == pytest.approx(
-        [5.0, np.sqrt(121.0 / 18.0)], rel=1e-12
-    )
-    assert means.freedom == 1.0
-    # Student's t of one degree of freedom: 12.706 at 95 %
-    half = 12.7062 * np.sqrt(121.0 / 18.0)
-    assert np.array(means.interval()) == pytest.approx([5.0 - half, 5.0 + half], rel=1e-5)
 
 
 MASS = np.array([96e3, 59e3, 62e3, 55e3, 59e3])
@@ -453,69 +363,13 @@ def test_likelihood_of_three_measurements_by_hand():
     assert found.log_likelihood == pytest.approx(expected, rel=1e-9)
 
 
-CARS, SAMPLES = 8, 500
+CARS = 8
 
 
 EQUAL_MASSES = np.full(CARS, 30e3)
 
 
 ERRORS = CalibrationErrors(0.005, 300.0, 0.005, 0.01)
-
-
-def stop(seed, short=0.0, car=3):
-    """A stop at 0.8 m/s2 with calibration errors and noise; returns what `find_shortfalls` says."""
-    draw = np.random.default_rng(seed)
-    allocated = np.full((SAMPLES, CARS), 24e3)
-    force = allocated.copy()
-    force[:, car] -= short
-    a = -force.sum(axis=1) / EQUAL_MASSES.sum()
-    couplers = np.cumsum(-EQUAL_MASSES * a[:, None] - force, axis=1)[:, :-1]
-    measured = couplers * (1.0 + ERRORS.coupler_gain * draw.standard_normal(CARS - 1))
-    measured += ERRORS.coupler_offset * draw.standard_normal(CARS - 1)
-    measured += 1e3 * draw.standard_normal(couplers.shape)
-    seen = a[:, None] + ERRORS.acceleration_offset * draw.standard_normal(CARS)
-    seen = seen + 0.02 * draw.standard_normal((SAMPLES, CARS))
-    mass = EQUAL_MASSES * (1.0 + ERRORS.mass * draw.standard_normal(CARS))
-    found = car_brake_forces(seen, measured, mass)
-    constant = ERRORS.deviation(mass, seen.mean(axis=0), measured.mean(axis=0))
-    return find_shortfalls(allocated, found, constant)
-
-
-def test_a_car_without_brake_is_the_only_one_accused():
-    found = stop(0, short=24e3)
-    assert found.accused.tolist() == [3]
-    assert found.shortfall[3] == pytest.approx(24e3, rel=0.1)
-
-
-def test_deviation_is_that_of_repeated_stops():
-    found = [stop(seed) for seed in range(200)]
-    spread = np.std([one.shortfall for one in found])
-    assert np.mean([one.deviation for one in found]) == pytest.approx(spread, rel=0.1)
-
-
-def test_a_sound_train_is_rarely_accused():
-    accused = sum(stop(seed).accused.size > 0 for seed in range(300))
-    assert accused <= 7  # stated: 1 % of trains
-
-
-def test_the_surest_is_named_first():
-    draw = np.random.default_rng(0)
-    allocated = np.full((SAMPLES, 3), 1e4) + draw.normal(0.0, 100.0, (SAMPLES, 3))
-    found = find_shortfalls(allocated, allocated - [2e3, 0.0, 5e3], 100.0)
-    assert found.accused.tolist() == [2, 0]
-
-
-def test_the_threshold_is_normal_where_all_is_known_and_students_where_nothing_is():
-    draw = np.random.default_rng(0)
-    allocated, noise = np.full((SAMPLES, 2), 1e4), draw.normal(0.0, 100.0, (SAMPLES, 2))
-    known, unknown = (find_shortfalls(allocated, allocated + noise, c) for c in (1e4, 0.0))
-    ratio = [(one.threshold / one.deviation)[0] for one in (known, unknown)]
-    np.testing.assert_allclose(
-        ratio, [norm.ppf(1.0 - 0.005), student.ppf(1.0 - 0.005, 498 * 18 / 35)], rtol=1e-4
-    )
-    nothing = find_shortfalls(allocated, allocated)
-    assert nothing.threshold.tolist() == [0.0, 0.0]
-    assert nothing.accused.size == 0
 
 
 def test_each_constant_error_adds_its_share():
@@ -530,64 +384,6 @@ def test_each_constant_error_adds_its_share():
     np.testing.assert_allclose(alone(coupler_offset=500.0), [500.0, 500.0 * np.sqrt(2.0), 500.0])
     np.testing.assert_allclose(alone(coupler_gain=0.01), [100.0, np.hypot(100.0, 200.0), 200.0])
     np.testing.assert_allclose(alone(), 0.0)
-
-
-def test_bad_input_is_refused():
-    with pytest.raises(EstimationError, match="confidence = 1"):
-        find_shortfalls(np.zeros((20, 2)), np.zeros((20, 2)), confidence=1.0)
-    with pytest.raises(EstimationError, match="estimated has shape"):
-        find_shortfalls(np.zeros((20, 2)), np.zeros((20, 3)))
-    with pytest.raises(EstimationError, match="allocated holds nan"):
-        find_shortfalls(np.full((20, 2), np.nan), np.zeros((20, 2)))
-
-
-def test_degrees_of_freedom_grow_with_what_is_known():
-    draw = np.random.default_rng(0)
-    allocated, noise = np.full((SAMPLES, 1), 1e4), draw.normal(0.0, 100.0, (SAMPLES, 1))
-    alone = find_shortfalls(allocated, allocated + noise)
-    # as much again that is known: the variance is twice, and Welch's degrees of freedom 2^2 times as many
-    both = find_shortfalls(allocated, allocated + noise, alone.deviation)
-    assert both.deviation[0] == pytest.approx(np.sqrt(2.0) * alone.deviation[0])
-    assert both.threshold[0] / both.deviation[0] == pytest.approx(
-        student.ppf(0.99, 4 * 498 * 18 / 35)
-    )
-
-
-def test_the_surest_is_not_the_largest():
-    allocated = np.full((SAMPLES, 2), 1e4)
-    found = find_shortfalls(allocated, allocated - [5e3, 2e3], [1e3, 10.0])
-    assert found.accused.tolist() == [1, 0]
-
-
-def test_a_car_is_judged_by_the_rest_of_the_stop():
-    draw = np.random.default_rng(0)
-    allocated = np.full((SAMPLES, 3), 1e4)
-    found = allocated + draw.normal(0.0, 100.0, allocated.shape)
-    sliding = np.zeros(allocated.shape, dtype=bool)
-    sliding[100:400, 1] = True
-    found[sliding] = 2e3  # the rail carries no more
-    found[:, 2] -= 500.0
-    assert find_shortfalls(allocated, found, 50.0).accused.tolist() == [1, 2]
-    judged = find_shortfalls(allocated, found, 50.0, sliding=sliding)
-    assert judged.accused.tolist() == [2]
-    assert abs(judged.shortfall[1]) < 30.0
-    short = sliding.copy()
-    short[:, 1] = True
-    never = find_shortfalls(allocated, found, 50.0, sliding=short)
-    assert never.accused.tolist() == [2]
-    assert np.isnan(never.shortfall[1])
-    with pytest.raises(EstimationError, match="sliding has shape"):
-        find_shortfalls(allocated, found, sliding=sliding[:, :2])
-
-
-def test_a_car_slides_from_where_a_wheel_falls_behind_until_its_cylinders_are_full_again():
-    speed = np.full((200, 4), 10.0)
-    speed[50:60, 2] = 9.0
-    speed[100:110, 0] = 9.7  # within the criterion's 5 %
-    slides = sliding_cars(speed, [0, 0, 1, 1], 0.1, refilled=2.0)
-    assert not slides[:, 0].any()
-    assert np.flatnonzero(slides[:, 1]).tolist() == list(range(50, 80))
-    assert not sliding_cars(speed[:, :1], [0], 0.1).any()
 
 
 def test_deviation_at_each_instant_is_that_of_its_values():

@@ -42,12 +42,14 @@ def test_means_and_limit_cycle_of_a_known_swing():
     assert (found["used"], found["utilisation"]) == pytest.approx((0.1, 0.8))
     period, slip, torque, slips = paper.limit_cycle(run)
     assert (period, slip, torque) == pytest.approx((0.65, 2.0, 0.2 * PLAN), rel=0.01)
-    assert slips == 3  # before the cycles that start at 6.5, 7.15 and, the first of its size, 7.8 s
+    assert (
+        slips == 3
+    )  # one before the first cycle, then those of half the size from 6.5 and 7.15 s on
 
 
 def test_a_run_solves_the_printed_equations():
     given, g1, c, g2 = IN_USE["m/s2"], 5.0, 40.0, 0.05
-    case = Case(width=0.2, limit=0.16)  # where the printed curve is one
+    case, time = Case(limit=0.16), TIME[:9000:10]  # there the printed curve is one
 
     def coefficient(slip, peak):
         v1, top = peak / g1 - g1 / (4.0 * c), peak / g1 + g1 / (4.0 * c)
@@ -56,27 +58,21 @@ def test_a_run_solves_the_printed_equations():
         tail = residual + b * np.exp((v2 - slip) * g2 / b)
         return g1 * slip if slip <= v1 else tail if slip >= v2 else peak - c * (slip - top) ** 2
 
-    def rates(time, state):
+    def rates(t, state):
         v, omega, torque, command, filtered = state
-        rim = paper.RADIUS * omega
-        peak = 0.18 + (case.limit - 0.18) * window(time, paper.DROP, 99.0, paper.FADE)
+        rim, peak = paper.RADIUS * omega, 0.18 - 0.02 * window(t, paper.DROP, 99.0, paper.FADE)
         force = paper.LOAD * paper.GRAVITY * coefficient(rim - v, peak)
-        derivative = (rim - filtered) / given.time_constant
-        factor = np.clip(
-            1.0 - (derivative - paper.ACCELERATION - case.margin) / case.width, 0.0, 1.0
-        )
-        wanted = factor * PLAN - command
+        pace = (rim - filtered) / given.time_constant
+        factor = np.clip(1.0 - (pace - paper.ACCELERATION - case.margin) / case.width, 0.0, 1.0)
+        missing = factor * PLAN - command
+        lag = given.rise if missing > 0.0 else given.fall
         turning = (paper.GEAR * torque - paper.RADIUS * force) / paper.INERTIA
-        lag = given.rise if wanted > 0.0 else given.fall
-        return force / paper.MASS, turning, (command - torque) / paper.LAG, wanted / lag, derivative
+        return force / paper.MASS, turning, (command - torque) / paper.LAG, missing / lag, pace
 
     run = paper.drive(given, case)
-    known = solve_ivp(
-        rates, (0.0, 9.0), np.zeros(5), t_eval=TIME[:9000:10], rtol=1e-7, max_step=5e-3
-    )
+    known = solve_ivp(rates, (0.0, 9.0), np.zeros(5), t_eval=time, rtol=1e-7, max_step=5e-3)
     slip = paper.RADIUS * known.y[1] - known.y[0]
-    print(np.abs(run.slip[:9000:10] - slip).max(), np.ptp(slip), known.nfev)
-    np.testing.assert_allclose(run.slip[:9000:10], slip, atol=0.01 * np.ptp(slip))
+    np.testing.assert_allclose(run.slip[:9000:10], slip, atol=0.005 * np.ptp(slip))
     np.testing.assert_allclose(run.torque[:9000:10], known.y[2], atol=2e-3 * PLAN)
 
 
@@ -84,9 +80,9 @@ def test_a_small_grid_meets_the_findings_that_the_study_states():
     rows = []
     for cell in paper.cells(0, 0):
         part, given, margin, width, _ = cell.args
-        if part == "downhill" or (margin in (0.0, 0.4, 0.9) and width in (0.2, 0.3, 0.5, 0.6)):
-            made = paper.run(part, given, margin, width, MEMBER_STEP)
-            rows += [{**cell.columns, "status": "ok"} | row for row in made]
-    table = paper.table(pd.DataFrame(rows)).set_index("number")
-    print(table)
-    assert table.loc["findings that hold, of 22", ["km/h/s", "m/s2"]].tolist() == ["19", "18"]
+        if part == "cases" or (margin in (0.0, 0.4, 0.9) and width in (0.2, 0.3, 0.5, 0.6)):
+            found = paper.run(part, given, margin, width, MEMBER_STEP)
+            rows += [{**cell.columns, "status": "ok"} | row for row in found]
+    table = paper.table(pd.DataFrame(rows)).set_index("number")[["km/h/s", "m/s2"]]
+    assert table.loc["findings that hold, of 22"].tolist() == ["19", "18"]
+    assert table.loc["downhill: off the share at rest by"].astype(float).max() < 1e-3

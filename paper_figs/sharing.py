@@ -1,0 +1,185 @@
+"""What sharing gains and what it costs, from the rows of studies.
+
+`rules` and `rule-events` show the last comparison, `headroom` its study; `ladder` and `broad` are the studies' own figures.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+
+from alloc.rules import RULES
+from paper_figs.style import WIDE, Drawing
+from studies.compare import EFFORT, REFERENCE, standings
+from studies.headroom import BASE, BOUND, CONTROLLERS, SHARERS, pairs
+from studies.runs import complete, is_slow
+from studies.statistics import Interval, mean
+
+FILLS = ("full", "left", "none")
+"""How the marker of a rule is filled, by controller."""
+
+
+def of_study(name: str) -> Callable[[pd.DataFrame], Figure]:
+    """The own figure of a study, which is imported when it is drawn."""
+
+    def draw(rows: pd.DataFrame) -> Figure:
+        from studies.catalogue import find_study
+
+        figure = find_study(name).figure
+        assert figure is not None
+        return figure(rows)
+
+    return draw
+
+
+def _mark(
+    axes: Axes, x: float, found: Interval, rule: str, fill: Any = "full", factor: float = 1.0
+) -> None:
+    """A mean over `x` with its interval, times a factor, in the look of its rule."""
+    look: dict[str, Any] = {"color": RULES[rule].colour, "linewidth": 0.9}
+    axes.plot([x, x], [factor * found.low, factor * found.high], **look)
+    look |= {"marker": RULES[rule].marker, "fillstyle": fill, "linestyle": "none"}
+    axes.plot(x, factor * found.value, label=rule, **look)
+
+
+# the comparison
+
+COSTS = {
+    "gain": (100.0, "bound used\n[points]"),
+    "damage": (1.0, "wheel damage\n[kJ]"),
+    "slip": (1.0, "slip\n[axle s]"),
+}
+"""Number of a standing: factor, and label of its panel."""
+
+
+def rules(rows: pd.DataFrame) -> Figure:
+    """What each rule adds to `REFERENCE`, a column for each rule and a mark for each controller."""
+    found = [one for one in standings(rows) if one.rule != REFERENCE]
+    laws = list(dict.fromkeys(one.controller for one in found))
+    names = list(dict.fromkeys(one.rule for one in found))
+    drawn = Figure(figsize=(WIDE, 4.2), layout="constrained")
+    panels = drawn.subplots(len(COSTS), 1, sharex=True)
+    for axes, (name, (factor, label)) in zip(panels, COSTS.items(), strict=True):
+        for one in found:
+            k = laws.index(one.controller)
+            x, fill = names.index(one.rule) + 0.22 * (k - 1), FILLS[k % 3]
+            _mark(axes, x, getattr(one, name), one.rule, fill, factor)
+        axes.axhline(0.0, color="0.5", linewidth=0.8)
+        axes.set_ylabel(label)
+    for axes in panels[1:]:
+        axes.set_yscale("symlog", linthresh=10.0)  # one rule costs as much as all others
+    marked = {one.rule for one in found if "°" in one.mark}
+    labels = [f"{name}°" if name in marked else name for name in names]
+    panels[-1].set_xticks(range(len(names)), labels, rotation=35, ha="right")
+    panels[-1].set_xlabel(f"rule; numbers are less those of {REFERENCE}")
+    _controllers(drawn, laws)
+    return drawn
+
+
+def _controllers(drawn: Figure, names: Sequence[str]) -> None:
+    """A legend of controllers by filling."""
+    shown = [
+        drawn.axes[0].plot([], [], "o", color="0.3", fillstyle=fill, label=name)[0]
+        for name, fill in zip(names, FILLS, strict=False)
+    ]
+    drawn.legend(handles=shown, loc="outside upper right", ncols=3)
+
+
+TINTS = LinearSegmentedColormap.from_list("change", ["#d55e00", "#ffffff", "#0072b2"])
+"""From worse than the reference through equal to better."""
+FULL = 8.0
+"""Points of the bound that have the full tint."""
+
+
+def rule_events(rows: pd.DataFrame) -> Figure:
+    """Points of the bound over `REFERENCE` by event and rule, under each controller that is not slow."""
+    good = rows[rows["status"] == "ok"]
+    laws = [law for law in good["controller"].unique() if not is_slow(str(law))]
+    used = good.pivot_table(index=["controller", "scenario"], columns="rule", values=EFFORT)
+    gain = 100.0 * used.sub(used.pop(REFERENCE), axis=0)
+    gain = gain[gain.mean().sort_values(ascending=False).index]
+    height = 0.9 + len(laws) * (0.2 + 0.15 * good["scenario"].nunique())
+    drawn = Figure(figsize=(WIDE, height), layout="constrained")
+    panels = drawn.subplots(len(laws), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, law in zip(panels, laws, strict=True):
+        own = gain.loc[law]
+        axes.imshow(own, cmap=TINTS, norm=Normalize(-FULL, FULL), aspect="auto")
+        for (row, column), value in np.ndenumerate(own.to_numpy()):
+            if np.isfinite(value):
+                text = f"{round(value, 1) + 0.0:+.1f}".replace("-", "\N{MINUS SIGN}")
+                dark = "white" if abs(value) > 0.8 * FULL else "black"
+                axes.text(column, row, text, ha="center", va="center", fontsize=6, color=dark)
+        axes.set(title=law, ylabel="event")
+        axes.set_yticks(range(len(own)), own.index)
+        axes.grid(visible=False)
+    panels[-1].set_xticks(range(gain.shape[1]), gain.columns, rotation=35, ha="right")
+    panels[-1].set_xlabel(f"rule; numbers are points of the bound over {REFERENCE}")
+    return drawn
+
+
+# headroom
+
+CLASSES = {"up to 1": -np.inf, "1 to 3": 1.0, "3 to 5": 3.0, "above 5": 5.0}
+"""Words and lower bound of a class of headroom [points of the plan]."""
+
+
+def headroom(rows: pd.DataFrame) -> Figure:
+    """Gain of each rule by how much there is to gain; dashed, what there is."""
+    good = complete(rows)
+    drawn = Figure(figsize=(WIDE, 2.9), layout="constrained")
+    panels = drawn.subplots(1, len(CONTROLLERS), sharey=True)
+    bounds = [*CLASSES.values(), np.inf]
+    for axes, law in zip(panels, CONTROLLERS, strict=True):
+        for j, rule in enumerate((*SHARERS, BOUND)):
+            own = pairs(good, law, rule)
+            parts = own.groupby(pd.cut(own["room"], bounds, labels=False))
+            for k, part in parts:
+                _mark(axes, k + 0.09 * (j - 3.5), mean(part["gain"]), rule)
+        for k, room in parts["room"].mean().items():
+            axes.plot([k - 0.4, k + 0.4], [room, room], "--", color="0.3", linewidth=0.8)
+        axes.axhline(0.0, color="0.5", linewidth=0.8)
+        axes.set_xticks(range(len(CLASSES)), CLASSES)
+        axes.set(title=f"{law}, {len(own)} events", xlabel="headroom [points of the plan]")
+    panels[0].set_ylabel(f"gain over {BASE} [points of the plan]")
+    marks, names = panels[0].get_legend_handles_labels()
+    shown = dict(zip(names, marks, strict=True))
+    drawn.legend(shown.values(), shown, loc="outside lower center", ncols=8)
+    return drawn
+
+
+FIGURES = {
+    "rules": Drawing(
+        rules,
+        "What each rule adds to units that act alone, as means over the events of the comparison with 95 % intervals: under "
+        "controllers that search, rules that go by every unit's reports gain about twice what rules gain that infer the "
+        "rear from the front; ° knows the rail.",
+        study="compare",
+    ),
+    "rule-events": Drawing(
+        rule_events,
+        "The events differ more than most rules do: sharing gains most where units fail and where the front is wet, and "
+        "nothing where the whole rail falls at once.",
+        study="compare",
+    ),
+    "headroom": Drawing(
+        headroom,
+        "What each rule gains over units that act alone grows with the headroom (dashed), which is what only sharing can "
+        "reach; means with 95 % intervals.",
+        study="headroom",
+    ),
+    "ladder": Drawing(
+        of_study("ladder"),
+        "Adhesion that each readhesion controller uses where it is short, and the slip and wheel damage that it costs; "
+        "hollow marks are the locomotive.",
+        study="ladder",
+    ),
+    "broad": Drawing(
+        of_study("broad"),
+        "What each rule gains over units that act alone in starts, pulls at speed and stops for which nothing was tuned.",
+        study="broad",
+    ),
+}

@@ -1,0 +1,101 @@
+"""Every figure that needs no study draws, says what its axes show, stays on its page, and has a sentence for a caption."""
+
+import re
+import time
+from importlib import import_module
+from itertools import combinations
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+import paper_figs
+from alloc.onboard.host import CONTROLLERS
+from alloc.rules import RULES
+from paper_figs.style import NARROW, WIDE
+from studies.catalogue import STUDIES
+
+FIGURES = paper_figs.all_figures()
+STYLE = paper_figs.__path__[0] + "/readhesion.mplstyle"
+COUNTED = ("axle", "unit", "event", "rule", "car", "bogie", "stop", "test", "station")
+"""Quantities without a unit, at the beginning of a label."""
+MOST_TIME = 5.0
+"""CPU time [s] of a figure, in which its runs are made."""
+PADDING = 0.05
+"""Empty border [in] of a legend, which may lie outside the page."""
+
+
+def beside(one: Axes, other: Axes, side: str) -> bool:
+    """Whether axes stand in one column (side x) or in one row (side y), where one label is enough."""
+    ends = f"interval{side}"
+    a, b = (getattr(axes.get_position(), ends) for axes in (one, other))
+    return bool(np.abs(a - b).max() < 0.03)
+
+
+@pytest.mark.parametrize("name", [name for name, one in FIGURES.items() if not one.study])
+def test_figure(name):
+    started = time.process_time()
+    with mpl.rc_context(fname=STYLE):
+        drawn = FIGURES[name].draw()
+        canvas = FigureCanvasAgg(drawn)
+        canvas.draw()
+    assert time.process_time() - started < MOST_TIME
+    assert drawn.get_figwidth() in (NARROW, WIDE)
+    seen = drawn.get_tightbbox(canvas.get_renderer())
+    assert min(seen.x0, seen.y0) > -PADDING
+    assert (seen.max < drawn.get_size_inches() + PADDING).all()
+    for side in ("x", "y"):
+        shown = {axes: getattr(axes, f"get_{side}label")() for axes in drawn.axes if axes.axison}
+        for label in filter(None, shown.values()):
+            assert re.search(r"\[[^\]]+\]", label) or label.startswith(COUNTED), label
+        for axes in shown:
+            named = any(label for other, label in shown.items() if beside(axes, other, side))
+            assert named or hasattr(axes, "_colorbar"), f"no {side} label: {axes}"
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_caption_is_a_sentence(name):
+    caption = FIGURES[name].caption
+    assert re.fullmatch(r"[A-Z][^\n]{40,400}\.", caption), caption
+    assert FIGURES[name].study in ("", "compare", *STUDIES)
+
+
+def test_names_differ():
+    modules = [import_module(f"paper_figs.{name}") for name in paper_figs.MODULES]
+    assert sum(len(module.FIGURES) for module in modules) == len(FIGURES)
+
+
+def test_figures_of_a_comparison():
+    """They draw what there is: a rule that fails in an event, a controller without some rules."""
+    random = np.random.default_rng(1)
+    rows = pd.DataFrame(
+        {"scenario": event, "seed": 0, "rule": rule, "controller": law, "status": "ok"}
+        for event in "abcdef"
+        for rule in ("alone", "greedy", "oracle", "wear")
+        for law in ("cut-and-ramp", "perturb-observe")
+    )
+    for number in ("bound_use", "damage", "slip_time", "over_delivery"):
+        rows[number] = random.uniform(0.0, 0.009, len(rows))
+    rows.loc[3, "status"] = "failed"
+    rows = rows.drop(index=[5, 7])
+    for name in ("rules", "rule-events"):
+        with mpl.rc_context(fname=STYLE):
+            FigureCanvasAgg(FIGURES[name].draw(rows)).draw()
+
+
+@pytest.mark.parametrize("parts", [RULES, CONTROLLERS], ids=["rules", "controllers"])
+def test_colours_differ_for_all_readers(parts):
+    colours = pytest.importorskip("colorspacious")
+    names = parts.shipped() or list(parts)
+    rgb = np.array([mpl.colors.to_rgb(parts[name].colour) for name in names])
+    seen = [rgb]
+    for kind in ("deuteranomaly", "protanomaly", "tritanomaly"):
+        reader = {"name": "sRGB1+CVD", "cvd_type": kind, "severity": 100}
+        seen.append(colours.cspace_convert(rgb, reader, "sRGB1").clip(0.0, 1.0))
+    for one in seen:
+        place = colours.cspace_convert(one, "sRGB1", "CAM02-UCS")
+        for a, b in combinations(range(len(names)), 2):
+            assert np.linalg.norm(place[a] - place[b]) > 8.0, (names[a], names[b])

@@ -1,0 +1,240 @@
+"""The command line as a user meets it: what is printed, exit codes, and one line for each mistake."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+
+from studies import cli
+from studies.cli import run
+
+SMALL = ["--scenario", "wet-patch", "--rules", "alone", "cooperative", "--controllers", "perturb-observe", "--seeds", "2",
+         "--jobs", "1"]  # fmt: skip
+OWN_RULE = """
+import numpy as np
+from alloc.rules import RULES, Rule
+from alloc.rules.problem import CASE_A, allocation
+
+def even(problem):
+    limit = np.full(problem.n, problem.expected)
+    return allocation(problem, limit, np.nan, CASE_A, 0.0)
+
+RULES.register("even", Rule("even", "everybody the plan", even, promise="baseline"))
+"""
+OWN_STUDY = """
+import pandas as pd
+from helper import FACTOR
+from studies.core import Cell, Study
+
+def run(k):
+    return {"value": FACTOR * k}
+
+def cells(events, seed):
+    return [Cell(f"number {k}", (k,)) for k in range(events)]
+
+STUDY = Study("own", "what is twice a number?", cells, run, lambda rows: rows[["value"]], events=4)
+"""
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def printed(capsys, *arguments):
+    """What a command that ends well prints."""
+    assert run(arguments) == 0
+    return capsys.readouterr().out
+
+
+def test_compare_and_again(capsys, elsewhere):
+    told = printed(capsys, "compare", *SMALL)
+    assert told.startswith("Under perturb-observe, cooperative")
+    assert max(map(len, told.splitlines()[1:])) <= 80
+    assert "next: readhesion report\n" in told
+    files = sorted(one.name for one in (elsewhere / "results" / "compare").iterdir())
+    assert files == [
+        "figure.pdf",
+        "parts",
+        "rows.parquet",
+        "table.csv",
+        "table.md",
+        "table.parquet",
+    ]
+    assert printed(capsys, "compare", *SMALL) == told
+    assert printed(capsys, "compare", *SMALL, "--dry-run") == "4 runs, of which 0 are to be made\n"
+    told = json.loads(printed(capsys, "compare", *SMALL, "--json"))
+    assert {row["rule"] for row in told["rows"]} == {"alone", "cooperative"}
+    assert "bound_use" in told["metrics"]
+
+
+def test_simulate(capsys, elsewhere):
+    told = printed(capsys, "simulate", "wet-patch", "--out", "run.nc", "--figure", "run.png")
+    assert "bound_use" in told
+    assert (elsewhere / "run.nc").stat().st_size > 1e5
+    assert (elsewhere / "run.png").stat().st_size > 1e4
+    every = json.loads(printed(capsys, "simulate", "wet-patch", "--json"))
+    assert every["metrics"]["headroom"] > 0.0
+    assert (
+        len(printed(capsys, "simulate", "wet-patch", "--all").splitlines())
+        == len(every["metrics"]) + 1
+    )
+
+
+def test_names(capsys):
+    told = json.loads(printed(capsys, "list", "--json"))
+    assert {
+        "scenarios",
+        "rules",
+        "controllers",
+        "curves",
+        "trains",
+        "studies",
+        "figures",
+        "metrics",
+    } == set(told)
+    assert all(words for names in told.values() for words in names.values())
+    assert "wear " in printed(capsys, "list", "rules")
+    assert "Polach" in printed(capsys, "cite")
+    assert "@" in printed(capsys, "cite", "--bibtex")
+
+
+def test_own_rule(capsys, elsewhere):
+    (elsewhere / "even.py").write_text(OWN_RULE)
+    told = printed(capsys, "--plugin", "even.py", "compare", "--scenario", "wet-start", "--rules", "alone", "even",
+                   "--controllers", "cut-and-ramp", "--seeds", "1", "--jobs", "2")  # fmt: skip
+    assert "even=" in told
+    assert run(["--plugin", "even.py", "check", "even"]) == 1  # it asks for what motors cannot give
+    assert "broken  torque and rate" in capsys.readouterr().out
+
+
+def test_own_study_counts_with_its_folder(capsys, elsewhere):
+    (elsewhere / "study.py").write_text(OWN_STUDY)
+    for factor in (2, 3):
+        (elsewhere / "helper.py").write_text(f"FACTOR = {factor}\n")
+        command = [sys.executable, "-m", "studies.cli", "sweep", "study.py", "--jobs", "2"]
+        environment = os.environ | {"PYTHONPATH": str(cli.Path(cli.__file__).parents[1])}
+        subprocess.run(command, check=True, env=environment, capture_output=True)
+        rows = pd.read_parquet(elsewhere / "results" / "own" / "rows.parquet")
+        assert list(rows["value"]) == [0, factor, 2 * factor, 3 * factor]
+
+
+def test_files_to_begin_with(capsys, elsewhere):
+    assert "runs as it stands" in printed(capsys, "new-scenario", "mine", "--like", "wet-patch")
+    assert "scenario.schema.json" in (elsewhere / "mine.toml").read_text()
+    assert json.loads(printed(capsys, "schema"))["title"]
+    assert "bound_use" in printed(capsys, "simulate", "mine.toml")
+
+
+def test_remarks(capsys, elsewhere):
+    printed(capsys, "new-scenario", "late", "--like", "wet-start")
+    path = elsewhere / "late.toml"
+    path.write_text(
+        path.read_text()
+        .replace("time_s = 0.0", "time_s = 99.0")
+        .replace("time_s = 0\n", "time_s = 99\n")
+    )
+    assert run(["simulate", "late.toml"]) == 0
+    assert "command: none asks for an acceleration" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    ("compare --scenario wet-ptch", "wet-patch"),
+    ("compare --rules gredy", "greedy"),
+    ("compare --controllers mcp", "mpc"),
+    ("compare --seeds 1.5", "not a whole number"),
+    ("compare --seeds 0", "seeds = 0"),
+    ("compare --jobs 0", "--jobs 0"),
+    ("compare wet-patch", "no option takes this"),
+    ("compare --rules ,", "has none"),
+    ("compare --scheduler tcp://127.0.0.1:1 --scenario wet-start --rules alone --controllers none", "nobody works there"),
+    ("simulate wet-patch --seed -1", "--seed -1"),
+    ("simulate wet-patch --rule gredy", "greedy"),
+    ("simulate wet-patch --controller nobody", "nobody"),
+    ("simulate wet-patch --out run.txt", "ending"),
+    ("simulate wet-patch --out nowhere/run.nc", "cannot be written"),
+    ("simulate /dev/zero", "no regular file"),
+    ("simulate nothing.toml", "nothing.toml"),
+    ("sweep hedroom", "headroom"),
+    ("sweep headroom --events 0", "--events 0"),
+    ("sweep nothing.py", "nothing.py"),
+    ("figures slip-evnt", "slip-event"),
+    ("figures --source jp99", "jp99"),
+    ("list ruls", "rules"),
+    ("check nobody", "nobody"),
+    ("report", "readhesion compare"),
+    ("schema train --out x.txt", "ending"),
+    ("new-scenario a/b", "name"),
+    ("nothing", "nothing"),
+    ("--plugin nothing.py list", "nothing.py"),
+])  # fmt: skip
+def test_a_mistake_is_one_line(capsys, monkeypatch, arguments, words):
+    monkeypatch.setattr("studies.core.REACHED", 1)
+    assert run(arguments.split()) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("readhesion: ")
+    assert told.count("\n") == 1
+    assert words in told
+
+
+@pytest.mark.parametrize(("source", "words"), [
+    ("x = 1", "registers no part"),
+    ("x = (", "was never closed"),
+    ("raise ValueError('no')", "in line 1: no"),
+    (OWN_RULE.replace("return allocation(", "allocation("), "rule 'even'"),
+    (OWN_RULE.replace("problem.n,", "4,"), "rule 'even'"),
+    (OWN_RULE.replace('"even", Rule', '"greedy", Rule'), "exists already"),
+])  # fmt: skip
+def test_a_faulty_plugin_is_one_line(capsys, elsewhere, source, words):
+    (elsewhere / "own.py").write_text(source)
+    arguments = ["--plugin", "own.py", "compare", "--scenario", "wet-start", "--rules", "even"]
+    assert run([*arguments, "--controllers", "none"]) == 2
+    told = capsys.readouterr().err
+    assert words in told
+    assert told.count("\n") == 1
+
+
+def test_a_command_that_is_stopped_keeps_its_rows_and_goes_on(elsewhere):
+    command = [
+        sys.executable,
+        "-m",
+        "studies.cli",
+        "compare",
+        "--rules",
+        "alone",
+        "--controllers",
+        "none",
+        "--jobs",
+        "2",
+    ]
+    environment = os.environ | {"PYTHONPATH": str(cli.Path(cli.__file__).parents[1])}
+    one = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+    parts = elsewhere / "results" / "compare" / "parts"
+    while not (parts.exists() and list(parts.glob("[0-9]*.parquet"))):
+        assert one.poll() is None
+        time.sleep(0.02)
+    one.send_signal(signal.SIGINT)
+    told = one.communicate(timeout=60)[1]
+    if one.returncode:  # else it had just ended
+        assert one.returncode == 130
+        assert "finished rows are kept" in told
+    assert run(command[3:]) == 0
+
+
+def test_nobody_reads_on(elsewhere):
+    command = f"{sys.executable} -m studies.cli list | head -1"
+    environment = os.environ | {"PYTHONPATH": str(cli.Path(cli.__file__).parents[1])}
+    found = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {command}"],
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert found.stderr == ""
+    assert found.returncode in (0, 141)
