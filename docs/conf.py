@@ -32,7 +32,6 @@ default_role = "code"  # docstrings put names into single backticks
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"
-autodoc_default_options = {"members": True}
 
 SHORT = {
     r"(typing\.)?_?Buffer \| _SupportsArray.*?complex \| bytes \| str\]": "ArrayLike",
@@ -49,7 +48,8 @@ def shorten_types(app: Sphinx, domain: str, kind: str, content: addnodes.desc_co
         for pattern, name in SHORT.items():
             text = re.sub(pattern, name, text)
         if text != part.astext():
-            part.children = [nodes.Text(text)]
+            part.children = []
+            part += nodes.Text(text)
 
 
 def escape_bars(

@@ -106,17 +106,19 @@ def _compared(axes: Axes, own: pd.DataFrame, column: str, printed: dict[Any, flo
 FIGURES = {
     "slide-adhesion": Drawing(
         adhesion,
-        "Adhesion of the first and the twelfth axle by slip ratio and speed (JP4209318, Fig. 2), calibrated.",
+        "Fig. 2, calibrated since the source's curves are not printed: the twelfth axle finds more adhesion than the first, "
+        "and it falls less with speed.",
         source="jp4209318",
     ),
     "slide-control": Drawing(
         control,
-        "Three cars stop from 100 km/h under fuzzy slide protection (JP4209318, Fig. 3).",
+        "Fig. 3: three cars stop from 100 km/h under fuzzy slide protection; front axles of a bogie slide more than rear ones, "
+        "and cars in front more than those behind.",
         source="jp4209318",
     ),
     "slide-tables": Drawing(
         tables,
-        "Braking distance and wheel damage beside the printed numbers (JP4209318, Tables 3 and 4).",
+        "Tables 3 and 4: braking distance and wheel damage, printed, by the calibrated set, and by all sets that reach both.",
         study="jp4209318",
         source="jp4209318",
     ),

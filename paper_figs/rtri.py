@@ -85,18 +85,19 @@ def theory() -> Figure:
 FIGURES = {
     "brake-tests": Drawing(
         over_time,
-        "Six cars brake from 25 km/h: speed, accelerations, coupler force, estimates (RTRI report, Figs. 4 and 5).",
+        "Figs. 4 and 5: the locomotive's estimate is steady at once; that of the wagons swings until relative motion has died "
+        "out, and with the spikes of the coupler.",
         source="rtri",
     ),
     "brake-cut-out": Drawing(
         cut_out,
-        "Averaged brake force over the number of braked wagons (RTRI report, Fig. 6).",
+        "Fig. 6: the averaged estimate is linear in the wagons braked, with an intercept that the true forces have too.",
         study="rtri",
         source="rtri",
     ),
     "brake-theory": Drawing(
         theory,
-        "Estimated and theoretical brake force of 18 cars from 75 km/h (RTRI report, Fig. 7).",
+        "Fig. 7: the estimates of 17 wagons and of the first follow the theoretical force on average.",
         source="rtri",
     ),
 }

@@ -121,7 +121,7 @@ def cells(events: int, seed: int) -> list[Cell]:
 
 
 def taken_back(
-    event: Scenario,
+    one: Scenario,
     arm: str,
     keys: e.Keys,
     controller: str,
@@ -130,12 +130,13 @@ def taken_back(
     **columns: object,
 ) -> Cell:
     """A run of the corrected patent whose equipment has these `keys` beside its own; `arm` is its rule in the rows."""
-    own = event.model_dump(mode="json", exclude_unset=True)["onboard"]
+    own = one.model_dump(mode="json", exclude_unset=True)["onboard"]
     tables = {
-        key: {**own.get(key, {}), **one} for key, one in keys.items() if isinstance(one, dict)
+        key: own.get(key, {}) | table for key, table in keys.items() if isinstance(table, dict)
     }
-    changed = event.changed(onboard=own | keys | tables)
-    made = cell(changed, CORRECTED, controller, seed, measure, **columns)
+    made = cell(
+        one.changed(onboard=own | keys | tables), CORRECTED, controller, seed, measure, **columns
+    )
     return made._replace(name=f"{made.name}, {arm}", columns={**made.columns, "rule": arm})
 
 
@@ -193,7 +194,10 @@ LEAST_TIME, UNFIT = 1.0, 0.05
 
 
 def claims_of(own: pd.DataFrame) -> list[Claim]:
-    """The five claims about a rule, over events that have its numbers and those of `OTHERS`."""
+    """The five claims about a rule, over events that have its numbers and those of `OTHERS`.
+
+    Case A: adhesion allows the train less than the plan for 95 % of the time; case B: it allows the plan for as long.
+    """
     slope, tilt = own["slope"] / BELIEVED, own["tilt"]
     case_a, case_b = own["reach_high_oracle"] <= 1.0, own["reach_low_oracle"] >= 1.0
     parts = {
@@ -220,23 +224,23 @@ def claims_of(own: pd.DataFrame) -> list[Claim]:
 
     short = case_b & (own["effort_alone"] <= REACHED / 100.0)
     slips, unfit = own["unit_detections_alone"] >= 1, own["over_share_preset"] >= UNFIT
-    effort, none = 100.0 * own["effort"].clip(upper=1.0), np.inf
-    more = ("effort over alone", 100.0 * less("effort", "alone", short), 0.0, none)
-    peak = ("jerk peak [m/s³]", less("jerk_peak", "sharing", slips), -none, 0.0)
-    slip = ("slip [axle s]", less("slip_time", "preset", unfit), -none, 0.0)
+    effort, inf = 100.0 * own["effort"].clip(upper=1.0), np.inf
+    more = ("effort over alone [points]", 100.0 * less("effort", "alone", short), 0.0, inf)
+    peak = ("jerk peak [m/s³]", less("jerk_peak", "sharing", slips), -inf, 0.0)
+    slip = ("slip [axle s]", less("slip_time", "preset", unfit), -inf, 0.0)
     return [
         Claim("a", "reaches the plan where the train could and alone does not: effort [% of plan]",
               effort.where(short), least=REACHED, parts=parts, digits=1,
               besides=[more]),
         Claim("b", "in case A every unit works at about its bound: adhesion used by the least [%]",
               100.0 * own["use_low"].where(case_a), least=ABOUT_BOUND, parts=parts, digits=1),
-        Claim("c", "about 95 % of the adhesion is used under a cap somewhat too high: used there [%]",
+        Claim("c", "about 95 % of the adhesion is used under a cap somewhat too high: use under such caps [%]",
               100.0 * own["over_use"].where(own["over_time"] >= LEAST_TIME),
               least=ABOUT_95, parts=parts, digits=1),
-        Claim("d", "better ride than dynamic sharing: jerk rms, less sharing's [m/s³]",
+        Claim("d", "better ride than dynamic sharing: jerk rms less sharing's [m/s³]",
               less("jerk_rms", "sharing", slips), most=0.0, parts=parts, digits=4,
               besides=[peak]),
-        Claim("e", "more effort than a preset pattern that does not fit the rail: effort over its [points]",
+        Claim("e", "more effort than a preset pattern that does not fit the rail: effort less preset's [points]",
               100.0 * less("effort", "preset", unfit), least=0.0, digits=1, besides=[slip],
               parts=parts | {"case A": case_a, "case B": case_b}),
     ]  # fmt: skip

@@ -335,17 +335,24 @@ def figures(
         Say which sweeps are to be run, and about how long they take; draw nothing.
     """
     import paper_figs
+    from studies import StudyError
+    from studies.catalogue import find_study
 
     chosen = paper_figs.chosen_figures(names, source)
     lacking = {one.study for one in chosen.values()
                if one.study and not (results / one.study / "rows.parquet").is_file()}  # fmt: skip
     if not names and source is None:
         for study in sorted(lacking):
-            print(f"left out for want of rows: those of readhesion sweep {study}")
+            command = study if study == "compare" else f"sweep {study}"
+            print(f"left out for want of rows: those of readhesion {command}")
         chosen = {name: one for name, one in chosen.items() if one.study not in lacking}
         lacking = set()
     for study in sorted(lacking):
-        found = _study_or_comparison(study)
+        if study == "compare":
+            raise StudyError(
+                f"there are no rows in {results / study}; run readhesion compare first"
+            )
+        found = find_study(study)
         if dry_run:
             print(f"{study}: ", end="")
             _forecast(found, results / study, found.events, 0, work)
@@ -356,13 +363,6 @@ def figures(
         return
     for path in paper_figs.draw(chosen, results, out, kind):
         print(f"{path}: {chosen[path.stem].caption}"[: _width()])
-
-
-def _study_or_comparison(name: str) -> "Study":
-    from studies.catalogue import find_study
-    from studies.compare import grid, study_of
-
-    return study_of(grid()) if name == "compare" else find_study(name)
 
 
 @app.command(name="list")

@@ -160,7 +160,7 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
         return mean(apart if pairs else apart.groupby(level="scenario").mean())
 
     over = means["over_delivery"].mean()
-    marks = {rule: "°" if RULES[rule].needs_truth else "*" if over[rule] > MOST_OVER else ""
+    marks = {rule: "°" if _knows_the_rail(rule) else "*" if over[rule] > MOST_OVER else ""
              for rule in rules}  # fmt: skip
     ranked = [rule for rule in rules if not marks[rule]]
     best = means[EFFORT][ranked].mean().idxmax() if ranked else None
@@ -184,6 +184,11 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
         for rule in rules
     ]
     return sorted(found, key=lambda one: -one.used.value)
+
+
+def _knows_the_rail(rule: str) -> bool:
+    """Of a rule that is registered; rows of a plug-in may be read without it."""
+    return rule in RULES and RULES[rule].needs_truth
 
 
 def frame(found: Sequence[Standing]) -> pd.DataFrame:
@@ -231,7 +236,9 @@ def lines(found: Sequence[Standing]) -> list[str]:
     }
     text = "\n".join(said)
     said += ["", *(words for mark, words in marks.items() if mark in text)]
-    return said + informed([one.rule for one in found])
+    for one in informed([one.rule for one in found]):
+        said += wrap(one, 78, subsequent_indent="  ", break_on_hyphens=False)
+    return said
 
 
 def _short(one: Interval, digits: int, scale: float = 1.0) -> str:
@@ -249,18 +256,12 @@ def informed(rules: Sequence[str]) -> list[str]:
     """Which rules know what, where they differ: then a comparison is of information too."""
     groups: dict[str, list[str]] = {}
     for name in dict.fromkeys(rules):
-        if name != REFERENCE:
-            rule = RULES[name]
+        rule = RULES.get(name)
+        if name != REFERENCE and rule:
             groups.setdefault(f"{CAPS[rule.caps]}, {ASKED[rule.trigger]}", []).append(name)
     if len(groups) < 2:
         return []
-    found = [f"{', '.join(names)}: told {words}" for words, names in groups.items()]
-    return [part for one in found for part in _folded(one)]
-
-
-def _folded(text: str) -> list[str]:
-    """Lines of at most 78 columns."""
-    return wrap(text, 78, subsequent_indent="  ", break_on_hyphens=False)
+    return [f"{', '.join(names)}: told {words}" for words, names in groups.items()]
 
 
 def answer(found: Sequence[Standing]) -> str:
@@ -271,7 +272,7 @@ def answer(found: Sequence[Standing]) -> str:
         tied = [one for one in own if one.tied]
         if len(own) < 2 or not tied or not tied[0].gain.events:
             continue
-        bound = next((one for one in own if RULES[one.rule].needs_truth), None)
+        bound = next((one for one in own if _knows_the_rail(one.rule)), None)
         names = ", ".join(one.rule for one in tied[:3])
         names += f" and {len(tied) - 3} more" if len(tied) > 3 else ""
         told = "cannot be told apart" if len(tied) > 1 else "uses most"
@@ -284,7 +285,7 @@ def answer(found: Sequence[Standing]) -> str:
     said += ["Intervals are over seeds of few events and say nothing of others."] * bool(
         said and few
     )
-    return "\n".join(said) or "One rule, or none to compare with: the table has its numbers."
+    return "\n".join(said) or f"Nothing was compared with {REFERENCE}: the table has the numbers."
 
 
 def as_json(rows: pd.DataFrame) -> dict[str, Any]:
@@ -343,8 +344,8 @@ def figure(found: Sequence[Standing]) -> "Figure":
                     value,
                     rules.index(one.rule),
                     xerr=ends,
-                    color=RULES[one.rule].colour,
-                    marker=RULES[one.rule].marker,
+                    color=RULES[one.rule].colour if one.rule in RULES else None,
+                    marker=RULES[one.rule].marker if one.rule in RULES else "o",
                     markerfacecolor="none" if one.mark else None,
                 )
         axes.axvline(0.0, color="0.6", linewidth=0.8)

@@ -249,7 +249,6 @@ def least_squares(doubt: Floats) -> Learner:
 
 # The speed control.
 
-
 USE, LEARN, WINDOW = 0.01, 0.05, 10.0
 """What was learnt is used from an rms error [N] per mass [kg] below the first on, and learnt anew beyond the second; time of
 the mean, and least time between both [s]. Assumed."""
@@ -270,25 +269,31 @@ true coefficients or wrong ones. Commanded: force of the commanded motion, claim
 run or the plant's five. Learnt: the latter once it is learnt, claim 5, with I_FB or, as printed, alone."""
 
 
+@dataclass(eq=False)
 class SpeedControl:
     """A driver for `alloc.driving.drive` in a case of `CASES`: force I_FB + I_FF, at most what the motors give.
 
     I_FB by PI control if `integral`, else by P control; `seed` of the measured speed's noise, None for no noise.
     """
 
-    def __init__(
-        self, of: Route, case: str, integral: bool, weights: Floats, learner: Learner | None, seed: int | None
-    ) -> None:  # fmt: skip
-        self.of, self.weights, self.learner = of, weights, learner
-        self.adds, reading = CASES[case]
+    of: Route
+    case: str
+    integral: bool
+    weights: Floats
+    learner: Learner | None
+    seed: int | None
+
+    def __post_init__(self) -> None:
+        of = self.of
+        self.adds, reading = CASES[self.case]
         self.memory = LineMemory(of, reading)
-        self.samples = Samples(of, self.memory, weights.size)
+        self.samples = Samples(of, self.memory, self.weights.size)
         self.alternates = self.adds in ("learnt", "learnt alone")
         self.using, self.since, self.square = not self.alternates, 0.0, math.nan
-        self.noise = None if seed is None else np.random.default_rng(seed)
+        self.noise = None if self.seed is None else np.random.default_rng(self.seed)
         empty = of.train.loaded((0.0,) * len(of.train.cars))
         self.gain = (empty.mass + empty.rotating_mass) / TIME_CONSTANT
-        self.integral_gain = self.gain / RESET_TIME if integral else 0.0
+        self.integral_gain = self.gain / RESET_TIME if self.integral else 0.0
         self.integrator = 0.0
         cars = [(car, car.motors) for car in of.train.cars if car.motors is not None]
         radius, motors = cars[0][0].wheel_radius, cars[0][1]  # all motors are alike
@@ -314,7 +319,7 @@ class SpeedControl:
         if self.using and self.adds == "learnt alone":
             force = ahead
         limits = self.limits[force < 0.0]
-        limit = float(np.interp(v, EFFORT_SPEED_STEP * np.arange(limits.size), limits))
+        limit = float(np.interp(abs(v), EFFORT_SPEED_STEP * np.arange(limits.size), limits))
         controls.torque[:] = torque = min(max(force / self.rim, -limit), limit)
         given = self.rim * torque
         bounded = abs(force - given) > 1e-9 * max(abs(force), 1e3)
@@ -372,9 +377,7 @@ LEARNING_TIME = 10.0
 """Of learning while compensating [s]: it acts like an integrator on I_FB, slower than the loop."""
 
 
-def drive_case(
-    of: Route, case: str, integral: bool, wrong: Floats, seed: int | None = None
-) -> xr.Dataset:
+def drive_case(of: Route, case: str, integral: bool, wrong: Floats, seed: int | None) -> xr.Dataset:
     """A run in a case of `CASES`, with `LOGGED` and the weights at its end.
 
     `wrong` (3,): factors of coefficients that are wrong, or with which learning begins.
@@ -424,12 +427,7 @@ def learn_alone(of: Route, run: xr.Dataset, learner: Learner, weights: Floats, s
 # The study: random routes, and random boardings of the commuter train.
 
 PLACES = {"mouth": "tunnel mouth", "gradient": "gradient change"}
-QUANTITIES = {
-    "speed_peak": "speed",
-    "acceleration_peak": "acceleration",
-    "acceleration_rms": "rms acceleration",
-    "jerk_peak": "jerk",
-}
+QUANTITIES = ("speed_peak", "acceleration_peak", "acceleration_rms", "jerk_peak")
 SETTLE = 10.0
 """Time [s] after the rear has passed a change until which its disturbance is sought."""
 ALONE = ("printed_gradient", "gradient", "normalised_gradient", "least_squares", "five_weights")
@@ -520,7 +518,7 @@ def boarded(loads: tuple[float, ...], seed: int) -> Row:
     """Error of the commuter train's mass, learnt on its first departure with `loads`; it knows the resistance when empty."""
     empty, line = find_set(KINDS["commuter"].train), Line(tunnel_factor=2.0, spacing=1.0)
     of = Route(empty.loaded(loads), line, first=0.0, cruise=15.0, rate=0.5, duration=60.0)
-    run = drive_case(of, "feedback", True, np.ones(3))
+    run = drive_case(of, "feedback", True, np.ones(3), seed=None)
     row: Row = {"mass_before": empty.mass / of.train.mass - 1.0}
     for name, count in (("three", 3), ("five", 5)):
         known = replace(of, train=empty).weights(count)
@@ -548,7 +546,8 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
     parts = {f"the {kind} train": rows["train"] == kind for kind in KINDS}
     parts |= {f"{control} control": rows["control"] == control for control in ("P", "PI")}
     found = []
-    for (quantity, what), (place, where) in product(QUANTITIES.items(), PLACES.items()):
+    for quantity, (place, where) in product(QUANTITIES, PLACES.items()):
+        what = quantity.replace("_", " ")
         for case, reading in (("compensation", ""), ("cars", " car by car")):
             text = f"compensation{reading} lessens the {what} at a {where}; over feedback alone"
             values = over(rows, quantity, place, case)
@@ -596,8 +595,8 @@ COLUMNS = {
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Disturbances over those of the feedback alone: mean over events and its 95 % interval."""
     good, lines = rows[rows["status"] == "ok"], []
-    for (quantity, what), (place, where) in product(QUANTITIES.items(), PLACES.items()):
-        line = {"disturbance": f"{what}, {where}"}
+    for quantity, (place, where) in product(QUANTITIES, PLACES.items()):
+        line = {"disturbance": f"{quantity.replace('_', ' ')}, {where}"}
         for case, words in COLUMNS.items():
             line[words] = mean(over(good, quantity, place, case)).text(2)
         lines.append(line)
@@ -608,14 +607,14 @@ def figure(rows: pd.DataFrame) -> Figure:
     """The same as points."""
     good, drawn = rows[rows["status"] == "ok"], Figure(figsize=(7.16, 2.0), layout="constrained")
     panels = drawn.subplots(1, 4, sharey=True)
-    for axes, (quantity, what) in zip(panels, QUANTITIES.items(), strict=True):
+    for axes, quantity in zip(panels, QUANTITIES, strict=True):
         for place, look, shift in (("mouth", "o", -0.12), ("gradient", "s", 0.12)):
             found = [mean(over(good, quantity, place, case)) for case in COLUMNS]
             value, low, high, _ = np.array(found).T
             at, spread = np.arange(value.size) + shift, np.nan_to_num([value - low, high - value])
             axes.errorbar(value, at, xerr=spread, fmt=look, label=PLACES[place])
         axes.axvline(1.0, color="0.4", lw=0.8)
-        axes.set(xlim=(0.0, None), title=what)
+        axes.set(xlim=(0.0, None), title=quantity.replace("_", " "))
     panels[0].set_yticks(range(len(COLUMNS)), list(COLUMNS.values()))
     panels[0].invert_yaxis()
     panels[3].legend(loc="center right")

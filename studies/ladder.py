@@ -118,10 +118,10 @@ TOLD = {
 """Metric -> its words, digits and scale."""
 ARXIV = "arXiv 2406.13650"
 YARDSTICKS = [
-    (0.90, "cubature-seeking", "Applied Sciences 15(19), 10524"),
-    *((0.95, name, "JP5484215 expects it of readhesion control on its own") for name in ARMS[1:]),
+    (90.0, "cubature-seeking", "Applied Sciences 15(19), 10524"),
+    *((95.0, name, "JP5484215 expects it of readhesion control on its own") for name in ARMS[1:]),
 ]
-"""Share of the adhesion that a controller uses where a unit is short of it, and who says so."""
+"""Adhesion [%] that a controller uses where a unit is short of it, and who says so."""
 
 
 class Said(NamedTuple):
@@ -167,11 +167,11 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
         return good[good["controller"] == name].set_index("scenario")[metric]
 
     claims = []
-    for bar, name, source in YARDSTICKS:
-        text = f"{name} uses {bar:.0%} of the adhesion where a unit is short of it ({source})"
-        values = of(USED, name)
+    for percent, name, source in YARDSTICKS:
+        text = f"{name} uses {percent:.0f} % of the adhesion where a unit is short of it ({source})"
+        values = 100.0 * of(USED, name)
         claims.append(
-            Claim(f"{bar:.0%}: {name}", text, values, bar, digits=1, scale=100.0, parts=parts)
+            Claim(f"{percent:.0f} %: {name}", text, values, percent, parts=parts, digits=1)
         )
     for one in SAID:
         (words, digits, scale), word = TOLD[one.metric], "more" if one.most == np.inf else "less"

@@ -10,6 +10,7 @@ import pytest
 from alloc.metrics import METRICS
 from studies import braking, broad, claims, events, headroom, ladder
 from studies.core import BOOKKEEPING, markdown, run_study
+from studies.runs import run
 from studies.statistics import statement_table
 
 STYLE = Path(__file__).parents[2] / "paper_figs" / "readhesion.mplstyle"
@@ -97,6 +98,16 @@ def test_a_draw_is_as_likely_as_it_says():
     )
     logs = np.log10([one.log_uniform(0.1, 10.0) for one in g])
     assert np.histogram(logs, 4, (-1.0, 1.0))[0] == pytest.approx(500, abs=80)
+
+
+def test_all_deviations_taken_back_are_the_printed_patent(monkeypatch):
+    monkeypatch.setattr(braking, "DURATION", 8.0)
+    stop = one = braking.event(90, 0)
+    for arm, keys in braking.AS_PRINTED.items():
+        one = claims.taken_back(one, arm, keys, "cut-and-ramp", 0).args[0]
+    arms = ((one, claims.CORRECTED), (stop, claims.PRINTED), (stop, claims.CORRECTED))
+    together, printed, corrected = (run(*both, "cut-and-ramp", 0)["damage"] for both in arms)
+    assert together == printed != corrected
 
 
 @modules
