@@ -44,7 +44,8 @@ report: compare      ## the same as one page that opens offline: report.html
 figures: $(STAMP)    ## draw the figures of the papers
 	$(BIN)/readhesion figures
 
-results: $(STAMP)    ## compute the tables of the pages again, or those of one STUDY
+results: compare     ## compute the tables of the pages again, or those of one STUDY
+	cp results/compare/table.md docs/tables/compare-table.md
 	for study in $(STUDY); do $(BIN)/readhesion sweep $$study > /dev/null && \
 	  for table in table statements; do test ! -f results/$$study/$$table.md || \
 	    cp results/$$study/$$table.md docs/tables/$$study-$$table.md; done || exit; done
@@ -62,4 +63,4 @@ types: setup         ## static types
 	$(BIN)/mypy
 
 clean:               ## remove the environment and every result
-	rm -rf $(VENV) build dist *.egg-info results figures report.html docs/_generated
+	rm -rf $(VENV) build dist *.egg-info results figures report.html

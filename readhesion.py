@@ -1,4 +1,4 @@
-"""How a multi-car train should share adhesion when its wheels slip: what a program needs, under one name.
+"""How a multi-car train should share adhesion when its wheels slip: what a program needs, under one name::
 
     import readhesion
 
@@ -58,8 +58,8 @@ def __dir__() -> list[str]:
 
 def simulate(
     event: _Named | Event,
-    rule: str | Rule = "greedy",
-    controller: str | HostedController = "cut-and-ramp",
+    rule: str | Rule = "cooperative",
+    controller: str | HostedController = "perturb-observe",
     seed: int = 0,
     **options: _Any,
 ) -> _xr.Dataset:

@@ -53,15 +53,6 @@ MOST_COMMANDS = 3e7
 """Brake commands on their way to cylinders: 0.5 GB."""
 
 
-def longest_duration(
-    model: Model, step: float, record_period: float, most_axle_steps: float = MOST_AXLE_STEPS
-) -> float:
-    """Longest run [s] of `model` that `check_size` allows, a little less."""
-    steps = max(1.0 / step, model.stiffness() / STABLE_STEP)
-    axles = model.layout.axles
-    return 0.999 * min(most_axle_steps / steps, MOST_AXLE_RECORDS * record_period) / axles
-
-
 def check_size(
     owner: str,
     model: Model,

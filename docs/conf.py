@@ -26,7 +26,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
 exclude_patterns = ["tables"]
 myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]
-myst_heading_anchors = 4  # links to a heading of another page, as in the plain view of the repository
+myst_heading_anchors = 4  # links to headings, as in the plain view of the repository
 
 default_role = "code"  # docstrings put names into single backticks
 autodoc_member_order = "bysource"

@@ -112,13 +112,13 @@ FIGURES = {
     ),
     "slide-control": Drawing(
         control,
-        "Fig. 3: three cars stop from 100 km/h under fuzzy slide protection; front axles of a bogie slide more than rear ones, "
-        "and cars in front more than those behind.",
+        "Fig. 3: three cars stop from 100 km/h under fuzzy slide protection; front axles of a bogie slide more than rear "
+        "ones, and cars in front more than those behind.",
         source="jp4209318",
     ),
     "slide-tables": Drawing(
         tables,
-        "Tables 3 and 4: braking distance and wheel damage, printed, by the calibrated set, and by all sets that reach both.",
+        "Tables 3 and 4: braking distance and wheel damage, printed, by the calibrated set, and by all sets.",
         study="jp4209318",
         source="jp4209318",
     ),

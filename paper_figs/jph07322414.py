@@ -1,7 +1,7 @@
 """Figures of JP H07-322414: air resistance in the open and in a tunnel, and what a tunnel and a climb do to a train.
 
 The source draws Figs. 9 and 10 for a speed control without compensation. Here they have compensation too, for the
-commuter train of the study `resistance`, half loaded, under PI control and without noise.
+commuter train of the study `jph07322414`, half loaded, under PI control and without noise.
 """
 
 from functools import cache
@@ -10,27 +10,24 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from paper_figs.sharing import of_study
 from paper_figs.style import NARROW, Drawing
-from studies.jph07322414 import Route, drive_case, route
+from studies.jph07322414 import drive_case, route
 
+SOURCE = "jph07322414"
 LOOKS = {
     "feedback": ("feedback alone", "0.35", "-"),
     "compensation": ("compensated at a point", "#d55e00", "--"),
     "cars": ("car by car", "#0072b2", "-"),
 }
 """Cases of the study: words, colour, and line."""
-
-
-@cache
-def commuter() -> Route:
-    """Air resistance twice as high in the tunnel, 20 per mille, 18 m/s."""
-    return route("commuter", tunnel_factor=2.0, load=0.5, gradient=0.02, cruise=18.0)
+COMMUTER = route("commuter", tunnel_factor=2.0, load=0.5, gradient=0.02, cruise=18.0)
 
 
 @cache
 def driven(case: str) -> xr.Dataset:
     """A run without noise."""
-    return drive_case(commuter(), case, integral=True, wrong=np.ones(3))
+    return drive_case(COMMUTER, case, integral=True, wrong=np.ones(3), seed=None)
 
 
 def air_resistance() -> Figure:
@@ -75,13 +72,13 @@ def passed(what: str, start: float, end: float, coefficient: str, values: list[f
 
 def tunnel() -> Figure:
     """Fig. 9."""
-    of = commuter()
+    of = COMMUTER
     return passed("tunnel", *of.line.tunnels[0], "$K_1, K_2$\n[kg/m]", of.weights(2).tolist())
 
 
 def climb() -> Figure:
     """Fig. 10."""
-    line = commuter().line
+    line = COMMUTER.line
     sine = line.grades[1] / float(np.hypot(1.0, line.grades[1]))  # (1)
     start, end = line.stations[1:3]
     return passed("climb", start, end, "sin θ [1]", [0.0, sine])
@@ -91,16 +88,22 @@ FIGURES = {
     "resistance-air": Drawing(
         air_resistance,
         "Air resistance of the high-speed train over its speed, in the open and in a tunnel with twice the coefficient.",
-        source="jph07322414",
+        source=SOURCE,
     ),
     "resistance-tunnel": Drawing(
         tunnel,
         "A train of 160 m passes a tunnel (grey: its front is inside): acceleration, speed, and the coefficient.",
-        source="jph07322414",
+        source=SOURCE,
     ),
     "resistance-climb": Drawing(
         climb,
         "The same past a climb of 20 per mille (grey: the front is on it).",
-        source="jph07322414",
+        source=SOURCE,
+    ),
+    "resistance": Drawing(
+        of_study(SOURCE),
+        "Disturbances with compensation over those of the feedback alone: means of random routes and 95 % intervals.",
+        study=SOURCE,
+        source=SOURCE,
     ),
 }

@@ -85,8 +85,8 @@ def theory() -> Figure:
 FIGURES = {
     "brake-tests": Drawing(
         over_time,
-        "Figs. 4 and 5: the locomotive's estimate is steady at once; that of the wagons swings until relative motion has died "
-        "out, and with the spikes of the coupler.",
+        "Figs. 4 and 5: the locomotive's estimate is steady at once; that of the wagons swings until relative motion has "
+        "died out, and with the spikes of the coupler.",
         source="rtri",
     ),
     "brake-cut-out": Drawing(

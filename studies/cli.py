@@ -147,8 +147,8 @@ def compare(
 def simulate(
     scenario: str,
     *,
-    rule: str = "greedy",
-    controller: str = "cut-and-ramp",
+    rule: str = "cooperative",
+    controller: str = "perturb-observe",
     seed: Whole = 0,
     out: Path | None = None,
     figure: Path | None = None,

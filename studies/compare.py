@@ -167,7 +167,8 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
 
     def tied(rule: str) -> bool:
         behind = less(EFFORT, str(best), rule)
-        return rule == best or not behind.low > 1e-9 or behind.value < NEGLIGIBLE
+        unsure = behind.events > 1 and not behind.low > 1e-9
+        return rule == best or unsure or behind.value < NEGLIGIBLE
 
     found = [
         Standing(

@@ -622,5 +622,5 @@ def figure(rows: pd.DataFrame) -> Figure:
     return drawn
 
 
-QUESTION = "compensation and learning of running resistance by line position (JP H07-322414)"
-STUDY = Study("resistance", QUESTION, cells, run, table, figure, statements, events=40)
+QUESTION = "Does compensation by line position steady a train, and are resistance and mass learnt on the way?"
+STUDY = Study("jph07322414", QUESTION, cells, run, table, figure, statements, events=40)

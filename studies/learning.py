@@ -344,7 +344,5 @@ def figure(rows: pd.DataFrame) -> Figure:
     return drawn
 
 
-QUESTION = (
-    "increments of adhesion from counts of slides, and how fast wrong ones are learnt (JP5484215)"
-)
+QUESTION = "How fast does a train learn increments of adhesion that are wrong at first, and what does it gain?"
 STUDY = Study("learning", QUESTION, cells, run, table, figure, statements, events=10)

@@ -68,11 +68,6 @@ def metric(
     return register
 
 
-def range_of(name: str) -> tuple[float, float]:
-    """Smallest and largest value that the metric of this name can have; unbounded where there is no such metric."""
-    return METRICS[name].within if name in METRICS else UNLIMITED
-
-
 class _Known(threading.local):
     """What `series` and functions with `once_per_run` found of the run that this thread evaluates, if it does one."""
 

@@ -239,9 +239,9 @@ def test_settings_reach_the_controller(load, controller):
         ("[onboard.mpc_car.weights]\nslp = 1.0\n", "unknown key 'onboard.mpc_car.weights.slp'; did you mean 'slip'?"),
         ("[onboard.mpc_trian]\nhorizon = 5\n", "unknown key 'onboard.mpc_trian'; did you mean 'mpc_train'?"),
         ("[onboard]\nhold_time = 5\n", "unknown key 'onboard.hold_time'; did you mean 'hold_time_s'?"),
-        ("[onboard.mpc]\nhorizon = 1\n", "key 'onboard': mpc.horizon = 1 must be at least 2 steps"),
-        ("[onboard.mpc]\nhorizon = 'long'\n", "key 'onboard.mpc.horizon' = 'long': input should be a valid integer"),
-        ("[onboard]\nmpc = 3\n", "key 'onboard.mpc' = 3: input should be a valid dictionary"),
+        ("[onboard.mpc]\nhorizon = 1\n", "onboard.mpc.horizon = 1 must be at least 2 steps"),
+        ("[onboard.mpc]\nhorizon = 'long'\n", "key 'onboard.mpc.horizon' = 'long': must be a number, without quotes"),
+        ("[onboard]\nmpc = 3\n", "key 'onboard.mpc' = 3: must be a table"),
     ])  # fmt: skip
 def test_what_cannot_be_is_refused_with_its_path(load, keys, words):
     with pytest.raises(StudyError) as error:
@@ -252,10 +252,10 @@ def test_what_cannot_be_is_refused_with_its_path(load, keys, words):
 
 def test_settings_are_part_of_the_scenario_and_survive_a_change(load):
     given = load("[onboard.mpc]\nhorizon = 12\n")
-    assert len({load().hash(), given.hash(), load("[onboard.mpc]\nhorizon = 13\n").hash()}) == 3
+    assert len({load().text, given.text, load("[onboard.mpc]\nhorizon = 13\n").text}) == 3
     changed = given.changed(duration_s=2.0)
     assert changed.event(0).onboard.hosted == given.event(0).onboard.hosted
-    assert given.changed(duration_s=1.0).hash() == given.hash()
+    assert given.changed(duration_s=1.0).text == given.text
 
 
 def test_controllers_of_plugins_have_tables_too(load, monkeypatch):

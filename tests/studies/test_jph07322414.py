@@ -41,7 +41,7 @@ def test_least_squares_find_the_weights_of_exact_samples(count: int) -> None:
 
 
 def test_under_p_control_the_feedback_gives_the_running_resistance() -> None:
-    run = study.drive_case(COMMUTER, "feedback", integral=False, wrong=WRONG)
+    run = study.drive_case(COMMUTER, "feedback", False, WRONG, seed=None)
     k = int(np.searchsorted(run["position"].values, START)) - 1
     (a, b, c), v = COMMUTER.train.resistance, float(run["speed"][k])
     assert float(run["feedback"][k]) == pytest.approx(a + b * v + c * v * v, rel=2e-2)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from alloc.onboard.increment_learning import IncrementLearning
 from alloc.plant.rail import GROWTH_SLOPE, logarithmic_increments
@@ -16,6 +17,9 @@ from studies.scenario import load
 def test_the_printed_numbers() -> None:
     assert study.planned(np.array(70.0 / 3.6)) == pytest.approx(13.6 / (70.0 + 85.0))  # (12)
     assert logarithmic_increments(64)[:4].mean() == pytest.approx(0.0, abs=1e-5)  # (15)
+    assert (
+        norm.cdf(-study.planned(np.array(270.0 / 3.6)) / study.SIGMA) < 1e-3
+    )  # par. 0054: none below 0
     found = study.unit_increments(np.array([9.0, 1.0, 3.0, 4.0, 8.0]), np.array([-1, 0, 0, 1, 1]))
     assert found.tolist() == [0.0, 4.0]  # means over the axles of units
 
