@@ -72,6 +72,9 @@ def of_units(kind: type[BuiltInController], place: int) -> Any:
             if not st.hosted:
                 m.unit.torque_factor[j] = share
 
+    # Numba tells closures of one name apart by a count per process: of two that were compiled in different processes, and
+    # found in the cache by a third, one would be taken for the other
+    control.__qualname__ = f"{kind.__name__}.control"
     return jit(control, kind.__module__)
 
 
