@@ -185,11 +185,6 @@ def downhill(rows: pd.DataFrame) -> Figure:
     return figure
 
 
-def drawing(draw: Callable[..., Figure], caption: str, study: str = "") -> Drawing:
-    """A figure of this source."""
-    return Drawing(draw, f"{caption}, in both readings of the unit", study, SOURCE)
-
-
 SMALL, CLOSE = {"ylim": (0.0, 0.35)}, {"xlim": (9.0, 11.0)}
 SLIPS: list[Shown] = [(CASE_A, SLIP, SMALL), (CASE_B, SLIP, SMALL), (CASE_B, SLIP, {})]
 TORQUES: list[Shown] = [(case, TORQUE, {"ylim": (0.04, 0.19)}) for case in NAMES]
@@ -197,24 +192,54 @@ FACTORS: list[Shown] = [(CASE_A, FACTOR, {}), (CASE_A, FACTOR, CLOSE), (CASE_B, 
 LOGARITHMIC = {"yscale": "log", "ylim": (0.03, 5.0), "yticks": [0.1, 1.0], "yticklabels": [0.1, 1]}
 MILD: dict[str, Any] = {SLIP: LOGARITHMIC, TORQUE: {"ylim": (0.08, 0.18)}}
 HALF_SLIPS = [(Case(width=a_w, limit=0.16), *one) for a_w in (0.2, 0.3) for one in MILD.items()]
+_DRAWN: dict[str, tuple[Callable[..., Figure], str, str]] = {
+    "readhesion-curve": (
+        curve_and_table,
+        "Figs. 1, 5, 6: the adhesion curve, and the torque factor over the deviation of the acceleration",
+        "",
+    ),
+    "readhesion-slip": (
+        partial(over_time, *SLIPS),
+        "Figs. 7 to 9: slip stays small in case A, and grows in case B",
+        "",
+    ),
+    "readhesion-torque": (
+        partial(over_time, *TORQUES),
+        "Figs. 10, 11: the torque command against the coefficient of the rail in cases A and B",
+        "",
+    ),
+    "readhesion-factor": (
+        partial(over_time, *FACTORS),
+        "Figs. 12, 13: the torque factor in case A, two seconds of it, and in case B",
+        "",
+    ),
+    "readhesion-trajectory": (
+        trajectory,
+        "Figs. 14, 15: the torque over the slip is a closed cycle in case A, and leaves it in case B",
+        "",
+    ),
+    "margin-sweep": (
+        partial(sweep, "margin"),
+        "Figs. 16 to 18: where wheels readhere and how much adhesion they use, over the margin a_0",
+        SOURCE,
+    ),
+    "width-sweep": (
+        partial(sweep, "width"),
+        "Figs. 19 to 21: where wheels readhere and how much adhesion they use, over the width a_w",
+        SOURCE,
+    ),
+    "half-slip": (
+        partial(over_time, *HALF_SLIPS),
+        "Figs. 22, 23: slip and torque where the rail gives just less than the plan",
+        "",
+    ),
+    "downhill": (
+        downhill,
+        "Section 4: the torque that the table leaves on a dry rail downhill",
+        SOURCE,
+    ),
+}
 FIGURES = {
-    "readhesion-curve": drawing(curve_and_table, "adhesion curve and torque table (Figs. 1, 5, 6)"),
-    "readhesion-slip": drawing(partial(over_time, *SLIPS), "slip in A and B (Figs. 7, 8, 9)"),
-    "readhesion-torque": drawing(
-        partial(over_time, *TORQUES), "torque command and coefficient in A and B (Figs. 10, 11)"
-    ),
-    "readhesion-factor": drawing(
-        partial(over_time, *FACTORS), "torque factor in A, two seconds of it, and B (Figs. 12, 13)"
-    ),
-    "readhesion-trajectory": drawing(trajectory, "torque over slip in A and B (Figs. 14, 15)"),
-    "margin-sweep": drawing(
-        partial(sweep, "margin"), "readhesion and adhesion used over a_0 (Figs. 16, 17, 18)", SOURCE
-    ),
-    "width-sweep": drawing(
-        partial(sweep, "width"), "readhesion and adhesion used over a_w (Figs. 19, 20, 21)", SOURCE
-    ),
-    "half-slip": drawing(
-        partial(over_time, *HALF_SLIPS), "slip and torque just below the plan (Figs. 22, 23)"
-    ),
-    "downhill": drawing(downhill, "torque kept on a dry downhill (section 4)", SOURCE),
+    name: Drawing(draw, f"{caption}; in both readings of the unit.", study, SOURCE)
+    for name, (draw, caption, study) in _DRAWN.items()
 }

@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-NARROW, WIDE = 3.5, 7.16
-"""Widths [in] of a figure in one and in two columns of a paper."""
+from studies.core import NARROW, WIDE
+
+__all__ = ["NARROW", "WIDE", "Drawing"]
 
 
 class Drawing(NamedTuple):

@@ -7,6 +7,7 @@ patent and its prior art meet the same stops.
 from collections.abc import Iterable
 from functools import cache, partial
 from itertools import product
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -18,11 +19,10 @@ from alloc.plant.laws import GRAVITY
 from alloc.plant.model import structure_of
 from alloc.plant.train import Train
 from alloc.rules import RULES
-from paper_figs.style import WIDE
 from studies import claims
 from studies import events as e
 from studies.claims import CONTROLLERS, CORRECTED, LAYERS, PRINTED
-from studies.core import Cell, Study
+from studies.core import WIDE, Cell, Study
 from studies.runs import cell, complete, paired, recorded, run
 from studies.scenario import Scenario, load
 from studies.statistics import Claim, Statement, judge
@@ -59,25 +59,38 @@ class Kind(NamedTuple):
 
 
 _COMMUTER = (12.0, (30.0, 120.0), (2.0, 4.0))
+_COACHES = (20.0, (50.0, 160.0), (1.3, 3.2))
+IC2 = str(Path(__file__).with_name("braking_ic2.toml"))
 TRAINS = {
     "inverter per car": Kind({"train": "commuter-8car"}, *_COMMUTER),
+    "locomotive ahead": Kind({"train": IC2}, *_COACHES),
     "sixteen cars": Kind({"train": "high-speed-16car"}, 6.0, (40.0, 240.0), (1.6, 2.8)),
     "inverter per axle": Kind({"train": "commuter-8car", "inverter_group": "1C1M"}, *_COMMUTER),
+    "locomotive behind": Kind({"train": IC2, "reversed": True}, *_COACHES),
+    "locomotive and wagons": Kind({"train": "freight-5"}, 40.0, (30.0, 90.0), (1.2, 2.2)),
 }
+MULTIPLE_UNITS = (0, 2, 3)
+"""Numbers of those that have something to share, which this study draws; `studies.broad` draws of all."""
 CURVES = ("piecewise", "polach-wet", "slip-ratio", "rational", "polach-dry", "polach-by-friction",
           "exponential-difference")  # fmt: skip
 """Every kind that ships; trains believe in the first."""
 
 
 def draw(seed: int, k: int) -> e.Keys:
-    """What is drawn for stop `k`; trains and curves take turns."""
-    number = (
-        6 * (k // 3) + (0, 2, 3)[k % 3]
-    )  # of a list in which hauled trains have their turns too
+    """What is drawn for stop `k` of a multiple unit."""
+    return draw_number(seed, _number(k))
+
+
+def _number(k: int) -> int:
+    return 6 * (k // 3) + MULTIPLE_UNITS[k % 3]
+
+
+def draw_number(seed: int, number: int) -> e.Keys:
+    """What is drawn for the stop of this number; trains and curves take turns."""
     g = e.Draw(seed, number, 19)
     return {
         "number": number,
-        "train": list(TRAINS)[k % 3],
+        "train": list(TRAINS)[number % 6],
         "curve": CURVES[number % 7],
         "residual_ratio": g.uniform(0.3, 0.98),  # steep to flat behind the peak
         "peak_slip": g.log_uniform(0.15, 0.8),
@@ -123,8 +136,13 @@ def train_of(name: str) -> Train:
 
 
 def event(seed: int, k: int) -> Scenario:
-    """Stop `k`."""
-    d = draw(seed, k)
+    """Stop `k` of a multiple unit."""
+    return stop(seed, _number(k))
+
+
+def stop(seed: int, number: int) -> Scenario:
+    """The stop of this number."""
+    d = draw_number(seed, number)
     kind, train = TRAINS[d["train"]], train_of(d["train"])
     asked = _between(kind.asked, d["deceleration"]) / 3.6
     speed = d["end_kmh"] or _between(kind.speed, d["speed"])
@@ -139,6 +157,9 @@ def event(seed: int, k: int) -> Scenario:
     }
     onboard = e.signals(d) | {"braking": {"slide_protection": {"law": d["law"]}}}
     onboard["sensors"] |= {name: d[name] for name in ("speed_quantum_kmh", "radius_error")}
+    loads = [kind.most_load] * len(train.cars)
+    if d["train"].startswith("locomotive"):
+        loads[0] = 0.0
     units = int(structure_of(train)[0].axle_unit.max()) + 1
     failed = {"unit": 1 + int(d["failed_place"] * units), "time_s": ROLLING + d["failed_at_s"]}
     swing = 0.6 * (1.0 - d["receptivity"])
@@ -153,7 +174,7 @@ def event(seed: int, k: int) -> Scenario:
         target_speed_kmh=None,
         initial_speed_kmh=speed,
         line=e.line(d, -1e4),
-        load_t=[e.stated("_t", d["load"] * kind.most_load)] * len(train.cars),
+        load_t=[e.stated("_t", d["load"] * most) for most in loads],
         rail=rail,
         onboard=onboard,
         command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * asked}],

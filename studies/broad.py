@@ -16,11 +16,10 @@ from matplotlib.figure import Figure
 from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.model import offered_by
 from alloc.plant.rail import SPEED_LAWS
-from paper_figs.style import WIDE
 from studies import braking, claims, headroom, ladder
 from studies import events as e
 from studies.claims import CONTROLLERS, costs, forest
-from studies.core import Cell, Row, Study
+from studies.core import WIDE, Cell, Row, Study
 from studies.headroom import BASE, BOUND, COSTS
 from studies.runs import cell, complete, paired, run
 from studies.scenario import Increments, Scenario
@@ -41,7 +40,7 @@ KINDS: dict[str, Callable[[int, int], Scenario]] = {
     "start with headroom": headroom.event,
     WEATHER: claims.event,
     "start, rail changes": ladder.event,
-    STOP: braking.event,
+    STOP: braking.stop,
 }
 RAILCAR = str(Path(__file__).with_name("broad_railcar.toml"))
 """Two sections on three bogies: two units, in place of eight cars in half of the starts in any weather."""

@@ -37,12 +37,6 @@ def find_study(name: str) -> Study:
     return study
 
 
-def _figures() -> dict[str, str]:
-    from paper_figs import all_figures  # above this package; the command line asks for it
-
-    return {name: one.caption for name, one in all_figures().items()}
-
-
 def _trains() -> dict[str, str]:
     trains = {name: find_set(name) for name in SETS}
     return {name: f"{len(one.cars)} cars, {one.mass / 1e3:.0f} t" for name, one in trains.items()}
@@ -55,7 +49,6 @@ KINDS: dict[str, Callable[[], dict[str, str]]] = {
     "curves": lambda: {name: str(one.__doc__).partition("\n")[0] for name, one in CURVES.items()},
     "trains": _trains,
     "studies": lambda: {name: find_study(name).question for name in STUDIES},
-    "figures": _figures,
     "metrics": lambda: {name: f"{one.description} [{one.unit}]" for name, one in METRICS.items()},
 }
 """Kinds of things that a command takes by name, and what gives their names with a line of meaning."""

@@ -19,9 +19,8 @@ from alloc.metrics.registry import series
 from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
 from alloc.rules import RULES
-from paper_figs.style import WIDE
 from studies import events as e
-from studies.core import Cell, Row, Study
+from studies.core import WIDE, Cell, Row, Study
 from studies.runs import Measure, cell, complete, paired, run
 from studies.scenario import Scenario, load
 from studies.statistics import Claim, Interval, Statement, judge, mean

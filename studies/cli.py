@@ -378,7 +378,11 @@ def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
     """
     from studies.catalogue import KINDS, find_kind
 
-    found = {name: find_kind(name) for name in ([kind] if kind else KINDS)}
+    found = {name: find_kind(name) for name in ([kind] if kind else KINDS) if name != "figures"}
+    if kind in (None, "figures"):
+        from paper_figs import all_figures
+
+        found["figures"] = {name: one.caption for name, one in all_figures().items()}
     if as_json:
         print(json.dumps(found, indent=1))
         return

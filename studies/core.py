@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure  # half a second that workers do not need
 
 Row = dict[str, Any]
+NARROW, WIDE = 3.5, 7.16
+"""Widths [in] of a figure in one and in two columns of a paper."""
 
 
 class Cell(NamedTuple):

@@ -15,10 +15,9 @@ from matplotlib.figure import Figure
 from alloc.metrics.use import train_bounds
 from alloc.plant.model import structure_of
 from alloc.rules import RULES
-from paper_figs.style import WIDE
 from studies import events as e
 from studies.claims import CONTROLLERS, costs
-from studies.core import Cell, Row, Study
+from studies.core import WIDE, Cell, Row, Study
 from studies.runs import cell, complete, paired, run
 from studies.scenario import Scenario, load
 from studies.statistics import Claim, Statement, judge, mean

@@ -14,9 +14,8 @@ from matplotlib.figure import Figure
 
 from alloc.onboard.host import CONTROLLERS
 from alloc.plant.train import Train
-from paper_figs.style import WIDE
 from studies import events as e
-from studies.core import Cell, Study
+from studies.core import WIDE, Cell, Study
 from studies.runs import cell, complete, run
 from studies.scenario import Scenario, load
 from studies.statistics import Claim, Statement, judge, mean

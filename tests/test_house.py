@@ -9,10 +9,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 LAYERS = ("alloc", "mpc", "studies", "paper_figs")
 """A layer imports itself and those before it."""
-ABOVE_ALL, CATALOGUE = {"studies.cli", "readhesion"}, "studies.catalogue"
-"""They import all; nobody imports the first, and the catalogue lists figures too."""
-SHARED = "paper_figs.style"
-"""Widths of figures, for studies too: it stands below all."""
+ABOVE_ALL = {"studies.cli", "readhesion"}
+"""They import all, and nobody imports them."""
 KNOWN_ON_BOARD = {f"alloc.plant.{one}" for one in ("adhesion", "laws", "model", "operations", "train")}  # fmt: skip
 """Modules of the plant that say what a train and a curve are; the others are what happens to it."""
 BROUGHT_ALONG = {"llvmlite": "numba", "markupsafe": "jinja2"}
@@ -42,12 +40,11 @@ def imported(tree, own, at_top=False):
 
 def test_layers_import_one_way():
     for name, tree in TREES.items():
-        if name not in {*ABOVE_ALL, CATALOGUE}:
+        if name not in ABOVE_ALL:
             below = LAYERS[: LAYERS.index(name.split(".")[0]) + 1]
-            found = imported(tree, own=True) - {SHARED}
+            found = imported(tree, own=True)
             assert {one.split(".")[0] for one in found} <= set(below), name
             assert not found & ABOVE_ALL, name
-    assert not imported(TREES[SHARED], own=True)
 
 
 def test_nothing_on_board_reaches_the_plants_truth():

@@ -88,7 +88,8 @@ def test_the_default_table_fits_80_columns():
 def test_the_default_grid():
     chosen = grid()
     cells = chosen.cells()
-    assert len(cells) == 14 * 15 * (2 * 5 + 1)
+    assert {"alone", "greedy", "cooperative", "oracle"} < set(chosen.rules)
+    assert len(cells) == 14 * len(chosen.rules) * (2 * 5 + 1)
     assert len({cell.name for cell in cells}) == len(cells)
     assert {cell.columns["seed"] for cell in cells if cell.columns["controller"] == "mpc"} == {0}
 

@@ -14,7 +14,7 @@ from studies.core import StudyError
 from studies.scenario import SHIPPED, load, schema
 from studies.trains import read_train
 
-TRAM = (Path(__file__).parents[2] / "docs" / "plugins" / "tram.toml").read_text()
+TRAM = Path(__file__).with_name("tram.toml").read_text()
 EVENT = (
     (SHIPPED / "very-low-adhesion.toml")
     .read_text()
@@ -32,7 +32,7 @@ def folder(tmp_path):
 
 
 def test_the_train_is_as_its_file_says():
-    train = read_train(Path(__file__).parents[2] / "docs" / "plugins" / "tram.toml")
+    train = read_train(Path(__file__).with_name("tram.toml"))
     assert (train.name, train.axle_count, train.mass) == ("tram", 6, 2 * 17e3 + 12e3)
     assert train.planned_acceleration == 4.0 / 3.6
     assert train.resistance == (900.0, 60.0, 4.0)
