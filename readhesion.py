@@ -127,7 +127,7 @@ def compare(
 def sweep(
     name: str,
     events: int | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     out: str | _Path | None = None,
     jobs: int = 1,
 ) -> _pd.DataFrame:
@@ -136,7 +136,11 @@ def sweep(
     `attrs` have what the study makes of them: "table", and "statements" where it has some, as lists of rows. `out`, `jobs`:
     as for `compare`.
     """
-    for option, value, least in (("events", events or 1, 1), ("seed", seed, 0), ("jobs", jobs, 1)):
+    for option, value, least in (
+        ("events", events or 1, 1),
+        ("seed", seed or 0, 0),
+        ("jobs", jobs, 1),
+    ):
         _check(option, value, least)
     study = _find_study(str(name))
     with _tempfile.TemporaryDirectory() as folder:

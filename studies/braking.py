@@ -299,4 +299,4 @@ def _fig_16(forces: Axes, limits: Axes) -> None:
 QUESTION = (
     "Does redistribution by JP5484215 improve the deceleration of drawn blended stops (claim 3)?"
 )
-STUDY = Study("braking", QUESTION, cells, run, table, figure, statements, events=120)
+STUDY = Study("braking", QUESTION, cells, run, table, figure, statements, events=120, seed=90)

@@ -243,4 +243,5 @@ STUDY = Study(
     figure,
     statements,
     events=140,
+    seed=3100,
 )

@@ -128,11 +128,11 @@ def compare(
     )
     study = comparison.study_of(chosen)
     if dry_run:
-        return _forecast(study, out / "compare", 1, 0, work)
+        return _forecast(study, out / "compare", None, None, work)
     for one in chosen.scenarios:
         _remark(one.remarks(one.event()))
     try_own_parts(chosen.rules, (*chosen.controllers, *chosen.slow))
-    rows = _run(study, out / "compare", None, 0, work)
+    rows = _run(study, out / "compare", None, None, work)
     if as_json:
         print(json.dumps(comparison.as_json(rows), indent=1))
     else:
@@ -227,7 +227,7 @@ def sweep(
     study: str,
     *,
     events: Whole | None = None,
-    seed: Whole = 0,
+    seed: Whole | None = None,
     out: Path = Path("results"),
     work: Work = ALONE,
     dry_run: Flag = False,
@@ -242,7 +242,7 @@ def sweep(
     events
         Number of events [default: that of the study].
     seed
-        Seed of what is drawn.
+        Seed of what is drawn [default: that of the study].
     out
         Folder for rows, tables and figure.
     dry_run
@@ -259,7 +259,7 @@ def sweep(
     _check_whole("--seed", seed, 0, GREATEST_SEED)
     folder = out / found.name
     if dry_run:
-        return _forecast(found, folder, events or found.events, seed, work)
+        return _forecast(found, folder, events, seed, work)
     rows = _run(found, folder, events, seed, work)
     good = rows[rows["status"] == "ok"]
     if good.empty:
@@ -277,7 +277,9 @@ def sweep(
     return 0
 
 
-def _run(study: "Study", folder: Path, events: int | None, seed: int, work: Work) -> "pd.DataFrame":
+def _run(
+    study: "Study", folder: Path, events: int | None, seed: int | None, work: Work
+) -> "pd.DataFrame":
     """The rows of a study; they are written as they are, and as tables and figure."""
     from paper_figs import styled
     from studies.core import run_study, write_results
@@ -288,7 +290,9 @@ def _run(study: "Study", folder: Path, events: int | None, seed: int, work: Work
     return rows
 
 
-def _forecast(study: "Study", folder: Path, events: int, seed: int, work: Work) -> int:
+def _forecast(
+    study: "Study", folder: Path, events: int | None, seed: int | None, work: Work
+) -> int:
     """Say what there is to do."""
     from studies.core import missing
 
@@ -355,9 +359,9 @@ def figures(
         found = find_study(study)
         if dry_run:
             print(f"{study}: ", end="")
-            _forecast(found, results / study, found.events, 0, work)
+            _forecast(found, results / study, None, None, work)
         else:
-            _run(found, results / study, None, 0, work)
+            _run(found, results / study, None, None, work)
     if dry_run:
         print(f"{len(chosen)} figures to draw")
         return

@@ -79,7 +79,12 @@ class Study:
     figure: "Callable[[pd.DataFrame], Figure] | None" = None
     statements: Callable[[pd.DataFrame], list[Statement]] | None = None
     events: int = 100
-    """How many, where nobody says it."""
+    seed: int = 0
+    """How many, and of which seed, where nobody says it: those of the stored tables."""
+
+    def chosen_cells(self, events: int | None, seed: int | None) -> list[Cell]:
+        """The cells of so many events of this seed; None stands for the study's own."""
+        return list(self.cells(events or self.events, self.seed if seed is None else seed))
 
 
 # rows that are kept
@@ -276,7 +281,7 @@ def run_study(
     study: Study,
     folder: str | Path,
     events: int | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     jobs: int = 1,
     scheduler: str | None = None,
     retry_failed: bool = False,
@@ -287,7 +292,7 @@ def run_study(
     `jobs`: processes of this machine; `scheduler`: address of a Dask scheduler, or its file. A cell that fails is a row with
     its reason. Raises `StudyError` where rows cannot be kept, `WorkerLost` where a worker ended; both keep what is done.
     """
-    cells = list(study.cells(events or study.events, seed))
+    cells = study.chosen_cells(events, seed)
     keys = [key_of(study.run, cell.args, cell.sources) for cell in cells]
     rows = Rows(folder)
     have = rows.read()
@@ -411,10 +416,12 @@ def _progress(name: str, total: int, quiet: bool) -> Iterator[Callable[[int], No
         yield tell
 
 
-def missing(study: Study, folder: str | Path, events: int, seed: int) -> tuple[int, int, float]:
+def missing(
+    study: Study, folder: str | Path, events: int | None, seed: int | None
+) -> tuple[int, int, float]:
     """Number of a study's cells, of those that `folder` lacks, and mean seconds of a stored row (nan without any)."""
     have = Rows(folder).read()
-    keys = [key_of(study.run, cell.args, cell.sources) for cell in study.cells(events, seed)]
+    keys = [key_of(study.run, cell.args, cell.sources) for cell in study.chosen_cells(events, seed)]
     return len(keys), len(set(keys) - set(have["cell"])), float(have["wall_time"].mean())
 
 

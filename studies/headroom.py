@@ -265,4 +265,4 @@ def figure(rows: pd.DataFrame) -> Figure:
 
 
 QUESTION = "What does each rule gain where there is something to gain, and what does it cost?"
-STUDY = Study("headroom", QUESTION, cells, run, table, figure, statements, events=300)
+STUDY = Study("headroom", QUESTION, cells, run, table, figure, statements, events=300, seed=200)

@@ -261,4 +261,5 @@ STUDY = Study(
     figure,
     statements,
     events=60,
+    seed=77,
 )
