@@ -21,14 +21,15 @@ from alloc.plant.train import Train
 from alloc.rules import RULES
 from studies import claims
 from studies import events as e
-from studies.claims import CONTROLLERS, CORRECTED, LAYERS, PRINTED
+from studies.claims import CONTROLLERS, CORRECTED, LAYERS
 from studies.core import WIDE, Cell, Study
-from studies.runs import cell, complete, paired, recorded, run
+from studies.runs import complete, paired, recorded, run
 from studies.scenario import Scenario, load
-from studies.statistics import Claim, Statement, judge
+from studies.statistics import Claim, Statement, forest, judge
 
 COMPARED = ("alone", *claims.PRIOR_ART, *LAYERS)
-AS_PRINTED: dict[str, e.Keys] = claims.AS_PRINTED | {
+AS_PRINTED: e.Arms = {
+    **claims.AS_PRINTED,
     # the torque that decelerates the wheelsets counts as force of the rail
     "(18) without inertia": {"braking": {"inertia_in_estimate": False}},
     # the air brake's force lags behind its command
@@ -89,7 +90,6 @@ def draw_number(seed: int, number: int) -> e.Keys:
     """What is drawn for the stop of this number; trains and curves take turns."""
     g = e.Draw(seed, number, 19)
     return {
-        "number": number,
         "train": list(TRAINS)[number % 6],
         "curve": CURVES[number % 7],
         "residual_ratio": g.uniform(0.3, 0.98),  # steep to flat behind the peak
@@ -165,12 +165,11 @@ def stop(seed: int, number: int) -> Scenario:
     swing = 0.6 * (1.0 - d["receptivity"])
     factors = ("mass_factor", "resistance_factor", "coupler_factor")
     believed = {"curve": {"kind": CURVES[0]}, "increments": _grown(asked / GRAVITY, train)}
-    return load("wet-stop").changed(
-        name=f"blended-{seed}-{d['number']:04d}",
-        title=f"drawn stop {d['number']}: {d['train']}, {d['curve']}",
-        case=None,
+    return e.drawn(
+        load("wet-stop"),
+        f"blended-{seed}-{number:04d}",
+        f"drawn stop {number}: {d['train']}, {d['curve']}",
         duration_s=DURATION,
-        variation=None,
         target_speed_kmh=None,
         initial_speed_kmh=speed,
         line=e.line(d, -1e4),
@@ -202,10 +201,7 @@ def cells(events: int, seed: int) -> list[Cell]:
     for k in range(events):
         one, d = event(seed, k), draw(seed, k)
         drawn = {name: d[name] for name in ("train", "curve")}
-        for law in CONTROLLERS:
-            found += [cell(one, rule, law, d["day"], **drawn) for rule in COMPARED]
-            found += [claims.taken_back(one, arm, keys, law, d["day"], **drawn)
-                      for arm, keys in AS_PRINTED.items()]  # fmt: skip
+        found += claims.arms(one, COMPARED, AS_PRINTED, d["day"], **drawn)
     return found
 
 
@@ -237,27 +233,14 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
     return judge(found) + judge(claims.deviations(AS_PRINTED, partial(stops, good)))
 
 
-COSTS = {"deceleration [points of plan]": (GAIN, 2, 100.0)} | claims.COSTS
+LESS = {"deceleration [points of plan]": (GAIN, 2, 100.0), **claims.LESS}
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """What each rule adds to alone, with the verdict on it, and each deviation to the corrected patent."""
-    good, lines = complete(rows), []
-    verdicts = {one.claim.name: one.verdict for one in statements(rows)}
-    compared = {"": ("alone",), "alone": COMPARED[1:], CORRECTED: (*AS_PRINTED, PRINTED)}
-    for law in CONTROLLERS:
-        for other, rules in compared.items():
-            for rule in rules:
-                own = stops(good, law, rule, (other,) if other else ())
-                line = {
-                    "controller": law,
-                    "rule, or deviation taken back": rule,
-                    "less": other or "–",
-                    **claims.costs(own, other, COSTS),
-                    "decelerates more": verdicts.get(f"{rule} over {other} under {law}", "–"),
-                }
-                lines.append(line)
-    return pd.DataFrame(lines)
+    pair, arms = partial(stops, complete(rows)), claims.compared(COMPARED, AS_PRINTED)
+    verdict = "decelerates more", "{} over {} under {}", statements(rows)
+    return claims.table_of(arms, pair, {}, LESS, verdict)
 
 
 def figure(rows: pd.DataFrame) -> Figure:
@@ -266,9 +249,10 @@ def figure(rows: pd.DataFrame) -> Figure:
     forces, limits, gains = drawn.subplots(1, 3)
     _fig_16(forces, limits)
     found = {one.claim.name: one.number for one in statements(rows)}
-    claims.forest(gains, {rule: [found[f"{rule} over alone under {law}"] for law in CONTROLLERS]
-                   for rule in COMPARED[1:]})  # fmt: skip
-    gains.axvline(0.0, color="0.5", linewidth=0.8)
+    names = {
+        rule: [f"{rule} over alone under {law}" for law in CONTROLLERS] for rule in COMPARED[1:]
+    }
+    forest(gains, {rule: [found[one] for one in pair] for rule, pair in names.items()}, RULES, 0.0)
     gains.set(title=claims.MARKERS.replace(", ", ",\n"), xlabel="deceleration over alone [points]")
     return drawn
 

@@ -9,21 +9,21 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.model import offered_by
 from alloc.plant.rail import SPEED_LAWS
+from alloc.rules import RULES
 from studies import braking, claims, headroom, ladder
 from studies import events as e
-from studies.claims import CONTROLLERS, costs, forest
+from studies.claims import CONTROLLERS
 from studies.core import WIDE, Cell, Row, Study
 from studies.headroom import BASE, BOUND, COSTS
 from studies.runs import cell, complete, paired, run
 from studies.scenario import Increments, Scenario
-from studies.statistics import Claim, Statement, judge, mean, share
+from studies.statistics import Claim, Statement, forest, judge, mean, means, share
 
 SLOW = "mpc"
 """A controller of which a run takes a second."""
@@ -75,14 +75,10 @@ def event(seed: int, k: int) -> Scenario:
     """Event `k`."""
     d = draw(seed, k)
     base = KINDS[d["kind"]](seed, k)
-    onboard = base.onboard.model_dump(mode="json", exclude_unset=True)
-    noise, loss = e.stated("_kmh", d["speed_noise_kmh"]), e.stated("", d["telegram_loss"])
-    onboard["sensors"] = onboard.get("sensors", {}) | {"speed_noise_kmh": noise}
-    onboard["telegrams"] = {"jitter_s": 0.03, "loss": loss}
     changes: e.Keys = {
         "name": f"broad-{seed}-{k:04d}",
         "title": f"broad event {k}: {d['kind']}, {d['curve']}",
-        "onboard": onboard,
+        "onboard": e.equipped(base, e.signals(d)),
         "motors": {"kind": d["motors"], "torque_lag_s": d["torque_lag_s"]},
     }
     if d["kind"] == STOP:
@@ -164,6 +160,8 @@ def cells(events: int, seed: int) -> list[Cell]:
 WORSE = 0.3
 """Points of the bound lost from which on an event counts as worse."""
 HEADROOM = "headroom above 1 point"
+SHOWN = (*KINDS, HEADROOM)
+"""Parts of the events in the table."""
 
 
 def pairs(rows: pd.DataFrame, controller: str, rule: str) -> pd.DataFrame:
@@ -192,10 +190,10 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
     for law, rules in RULES_OF.items():
         for rule in rules[1:-1]:
             own = pairs(rows, law, rule)
-            beyond = ("beyond the plan, % of it", 100.0 * own["over_delivery"], -np.inf, 1.0)
+            beyond = Claim("", "beyond the plan, % of it", 100.0 * own["over_delivery"], most=1.0)
             text = "uses more of the bound than alone: points"
-            found.append(Claim(f"{rule}, {law}", text, own["gain"], least=0.0, parts=parts_of(own),
-                               besides=[beyond], digits=2))  # fmt: skip
+            claim = Claim(f"{rule}, {law}", text, own["gain"], least=0.0, parts=parts_of(own))
+            found.append(claim._replace(besides=[beyond._replace(digits=2)], digits=2))
     return judge(found)
 
 
@@ -204,18 +202,17 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
     lines = []
     for law, rules in RULES_OF.items():
         for rule in rules:
-            own, less = pairs(rows, law, rule), rule != BASE
-            parts = {name: own["gain"][true] for name, true in parts_of(own).items()}
-            gains = {"gain over alone [points]": own["gain"]}
-            gains |= {f"{name} [points]": parts[name] for name in (*KINDS, HEADROOM)}
-            worse = share(own["gain"] < -WORSE).text(0, 100.0)
+            own, less = pairs(rows, law, rule), BASE if rule != BASE else ""
+            gain, parts = own["gain"], parts_of(own)
+            gains = {"gain over alone": gain, **{name: gain[parts[name]] for name in SHOWN}}
+            worse = share(gain < -WORSE).text(0, 100.0)
             line: Row = {"controller": law, "rule": rule, "events": len(own)}
-            line["bound used [%]"] = mean(own["bound_use"]).text(1, 100.0)
-            for words, gain in gains.items():
-                line[words] = mean(gain).text(2, sign=True) if less else "–"
+            line |= means(own, {"bound used [%]": ("bound_use", 1, 100.0)})
+            for words, values in gains.items():
+                line[f"{words} [points]"] = mean(values).text(2, sign=True) if less else "–"
             line["worse by 0.3 points [% of events]"] = worse if less else "–"
-            line["beyond the plan [% of it]"] = mean(own["over_delivery"]).text(2, 100.0)
-            lines.append(line | costs(own, BASE if less else "", COSTS))
+            line |= means(own, {"beyond the plan [% of it]": ("over_delivery", 2, 100.0)})
+            lines.append(line | means(own, COSTS, less))
     return pd.DataFrame(lines)
 
 
@@ -227,21 +224,11 @@ def figure(rows: pd.DataFrame) -> Figure:
         for rule in rules[1:-1]:
             own = pairs(rows, law, rule)
             numbers[rule] = [mean(own["gain"]), mean(own["gain"][parts_of(own)[HEADROOM]])]
-        forest(axes, numbers)
-        axes.axvline(0.0, color="0.5", linewidth=0.8)
+        forest(axes, numbers, RULES, 0.0)
         axes.set(title=law, xlabel="gain over alone [points]")
     drawn.supxlabel(f"circles: all events, squares: {HEADROOM}")
     return drawn
 
 
-STUDY = Study(
-    "broad",
-    "What do rules and baselines gain over units that act alone where nothing was tuned?",
-    cells,
-    run,
-    table,
-    figure,
-    statements,
-    events=140,
-    seed=3100,
-)
+QUESTION = "What do rules and baselines gain over units that act alone where nothing was tuned?"
+STUDY = Study("broad", QUESTION, cells, run, table, figure, statements, events=140, seed=3100)

@@ -52,10 +52,3 @@ KINDS: dict[str, Callable[[], dict[str, str]]] = {
     "metrics": lambda: {name: f"{one.description} [{one.unit}]" for name, one in METRICS.items()},
 }
 """Kinds of things that a command takes by name, and what gives their names with a line of meaning."""
-
-
-def find_kind(name: str) -> dict[str, str]:
-    """Names of a kind with their meaning; raises `StudyError` where there is no such kind."""
-    if name not in KINDS:
-        raise StudyError(f"unknown kind {name!r}{near(name, KINDS)}")
-    return KINDS[name]()

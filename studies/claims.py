@@ -12,7 +12,6 @@ from textwrap import wrap
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from alloc.metrics.registry import series
@@ -23,7 +22,7 @@ from studies import events as e
 from studies.core import WIDE, Cell, Row, Study
 from studies.runs import Measure, cell, complete, paired, run
 from studies.scenario import Scenario, load
-from studies.statistics import Claim, Interval, Statement, judge, mean
+from studies.statistics import Claim, Numbers, Statement, forest, judge, means
 
 CONTROLLERS = ("cut-and-ramp", "perturb-observe")
 """One waits for a slip signal, one limits torque without any; rules differ in what they need to act."""
@@ -36,7 +35,8 @@ differentiator behind it, and hold time are not printed; but for the third layer
 PRIOR_ART = ("preset", "sharing")
 """What the patent wants to improve on: a fixed pattern, and shortfalls that are handed on step by step."""
 OTHERS = ("alone", *PRIOR_ART, "oracle")
-AS_PRINTED: dict[str, e.Keys] = {
+COMPARED = ("alone", *PRIOR_ART, *LAYERS, "oracle")
+AS_PRINTED: e.Arms = {
     # no slip velocity counts as slip, so one at a constant speed is none
     "Fig. 5: acceleration alone": {"detector": {"speed_on_kmh": 600.0}},
     # the torque that turns the wheelsets is not asked for
@@ -89,12 +89,11 @@ def event(seed: int, k: int) -> Scenario:
         "scatter_length_m": 20.0,
         "patches": e.patch(d),
     }
-    return load("wet-start").changed(
-        name=f"random-{seed}-{k:04d}",
-        title=f"random event {k}",
-        case=None,
+    return e.drawn(
+        load("wet-start"),
+        f"random-{seed}-{k:04d}",
+        f"random event {k}",
         duration_s=DURATION,
-        variation=None,
         rail=rail,
         onboard=e.signals(d),
         load_t=e.loads(d, CARS),
@@ -112,31 +111,33 @@ def cells(events: int, seed: int) -> list[Cell]:
     found = []
     for k in range(events):
         one, drawn = event(seed, k), draw(seed, k)
-        for law in CONTROLLERS:
-            found += [cell(one, rule, law, k, measure, **drawn) for rule in (*OTHERS, *LAYERS)]
-            found += [taken_back(one, arm, keys, law, k, measure, **drawn)
-                      for arm, keys in AS_PRINTED.items()]  # fmt: skip
+        found += arms(one, COMPARED, AS_PRINTED, k, measure, **drawn)
     return found
 
 
-def taken_back(
+def arms(
     one: Scenario,
-    arm: str,
-    keys: e.Keys,
-    controller: str,
+    rules: Sequence[str],
+    printed: e.Arms,
     seed: int,
     measure: Measure | None = None,
-    **columns: object,
-) -> Cell:
-    """A run of the corrected patent whose equipment has these `keys` beside its own; `arm` is its rule in the rows."""
-    own = one.model_dump(mode="json", exclude_unset=True)["onboard"]
-    tables = {
-        key: own.get(key, {}) | table for key, table in keys.items() if isinstance(table, dict)
-    }
-    made = cell(
-        one.changed(onboard=own | keys | tables), CORRECTED, controller, seed, measure, **columns
-    )
-    return made._replace(name=f"{made.name}, {arm}", columns={**made.columns, "rule": arm})
+    **drawn: object,
+) -> list[Cell]:
+    """An event under every rule, and under the corrected patent with each deviation taken back."""
+    found = []
+    for law in CONTROLLERS:
+        found += [cell(one, rule, law, seed, measure, **drawn) for rule in rules]
+        corrected = cell(one, CORRECTED, law, seed, measure, **drawn)
+        found += [taken_back(corrected, arm, keys) for arm, keys in printed.items()]
+    return found
+
+
+def taken_back(made: Cell, arm: str, keys: e.Keys) -> Cell:
+    """The same run by a train whose equipment has these `keys` beside its own; `arm` is its rule in the rows."""
+    one, *others = made.args
+    changed = one.changed(onboard=e.equipped(one, keys))
+    columns = {**made.columns, "rule": arm}
+    return made._replace(name=f"{made.name}, {arm}", args=(changed, *others), columns=columns)
 
 
 # what is measured
@@ -200,8 +201,7 @@ def claims_of(own: pd.DataFrame) -> list[Claim]:
     slope, tilt = own["slope"] / BELIEVED, own["tilt"]
     case_a, case_b = own["reach_high_oracle"] <= 1.0, own["reach_low_oracle"] >= 1.0
     parts = {
-        "summer": own["season"] == "summer",
-        "winter": own["season"] == "winter",
+        **{season: own["season"] == season for season in LEVELS},
         "growth along the train much below belief": slope < 0.67,
         "growth along the train about as believed": slope.between(0.67, 1.33),
         "growth along the train much above belief": slope > 1.33,
@@ -223,14 +223,12 @@ def claims_of(own: pd.DataFrame) -> list[Claim]:
 
     short = case_b & (own["effort_alone"] <= REACHED / 100.0)
     slips, unfit = own["unit_detections_alone"] >= 1, own["over_share_preset"] >= UNFIT
-    effort, inf = 100.0 * own["effort"].clip(upper=1.0), np.inf
-    more = ("effort over alone [points]", 100.0 * less("effort", "alone", short), 0.0, inf)
-    peak = ("jerk peak [m/s³]", less("jerk_peak", "sharing", slips), -inf, 0.0)
-    slip = ("slip [axle s]", less("slip_time", "preset", unfit), -inf, 0.0)
+    effort, more = 100.0 * own["effort"].clip(upper=1.0), 100.0 * less("effort", "alone", short)
+    peak, slip = less("jerk_peak", "sharing", slips), less("slip_time", "preset", unfit)
     return [
         Claim("a", "reaches the plan where the train could and alone does not: effort [% of plan]",
               effort.where(short), least=REACHED, parts=parts, digits=1,
-              besides=[more]),
+              besides=[Claim("", "effort over alone [points]", more, least=0.0, digits=1)]),
         Claim("b", "in case A every unit works at about its bound: adhesion used by the least [%]",
               100.0 * own["use_low"].where(case_a), least=ABOUT_BOUND, parts=parts, digits=1),
         Claim("c", "about 95 % of the adhesion is used under a cap somewhat too high: use under such caps [%]",
@@ -238,10 +236,11 @@ def claims_of(own: pd.DataFrame) -> list[Claim]:
               least=ABOUT_95, parts=parts, digits=1),
         Claim("d", "better ride than dynamic sharing: jerk rms less sharing's [m/s³]",
               less("jerk_rms", "sharing", slips), most=0.0, parts=parts, digits=4,
-              besides=[peak]),
+              besides=[Claim("", "jerk peak [m/s³]", peak, most=0.0, digits=4)]),
         Claim("e", "more effort than a preset pattern that does not fit the rail: effort less preset's [points]",
-              100.0 * less("effort", "preset", unfit), least=0.0, digits=1, besides=[slip],
-              parts=parts | {"case A": case_a, "case B": case_b}),
+              100.0 * less("effort", "preset", unfit), least=0.0, digits=1,
+              parts=parts | {"case A": case_a, "case B": case_b},
+              besides=[Claim("", "slip [axle s]", slip, most=0.0, digits=1)]),
     ]  # fmt: skip
 
 
@@ -256,8 +255,12 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
     return judge(claims) + judge(deviations(AS_PRINTED, partial(paired, good)))
 
 
-def deviations(arms: Iterable[str], pair: Callable[..., pd.DataFrame]) -> list[Claim]:
-    """That each deviation taken back, and all of them, cost effort; `pair(controller, rule, others)` gives events."""
+Pair = Callable[[str, str, Iterable[str]], pd.DataFrame]
+"""Events by a controller, a rule or an arm, and others that it is compared with."""
+
+
+def deviations(arms: Iterable[str], pair: Pair) -> list[Claim]:
+    """That each deviation taken back, and all of them, cost effort."""
     found = []
     for law, arm in product(CONTROLLERS, (*arms, PRINTED)):
         own = pair(law, arm, (CORRECTED,))
@@ -267,52 +270,49 @@ def deviations(arms: Iterable[str], pair: Callable[..., pd.DataFrame]) -> list[C
     return found
 
 
-COSTS = {
+OWN: Numbers = {
+    "bound used [%]": ("bound_use", 1, 100.0),
+    "effort [% of plan]": ("effort", 1, 100.0),
+}
+LESS: Numbers = {
     "bound used [points]": ("bound_use", 2, 100.0),
     "slip [axle s]": ("slip_time", 1, 1.0),
     "wheel damage Q [kJ]": ("damage", 0, 1.0),
     "jerk rms [m/s³]": ("jerk_rms", 3, 1.0),
 }
-"""Heading -> number, digits, scale."""
 
 
-def costs(own: pd.DataFrame, other: str, numbers: Mapping[str, tuple[str, int, float]]) -> Row:
-    """Means of `numbers` of a rule less those of the `other`, event by event; its own where there is no other."""
-    found = {}
-    for words, (name, digits, scale) in numbers.items():
-        less = own[f"{name}_{other}"] if other else 0.0
-        found[words] = mean(own[name] - less).text(digits, scale, sign=bool(other))
-    return found
-
-
-def table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Each rule, and what it adds to `alone`; each deviation, and what it adds to the corrected patent."""
-    compared = {"": ("alone",), "alone": (*PRIOR_ART, *LAYERS, "oracle")}
-    compared[CORRECTED] = (*AS_PRINTED, PRINTED)
-    good, lines = complete(rows), []
-    for law in CONTROLLERS:
-        for other, rules in compared.items():
-            for rule in rules:
-                own = paired(good, law, rule, (other,) if other else ())
-                line = {
-                    "controller": law,
-                    "rule, or deviation taken back": rule,
-                    "bound used [%]": mean(own["bound_use"]).text(1, 100.0),
-                    "effort [% of plan]": mean(own["effort"]).text(1, 100.0),
-                    "less": other or "–",
-                }
-                lines.append(line | costs(own, other, COSTS))
+def table_of(
+    compared: Mapping[str, Sequence[str]],
+    pair: Pair,
+    own: Numbers,
+    less: Numbers,
+    verdict: tuple[str, str, Sequence[Statement]] = ("", "", ()),
+) -> pd.DataFrame:
+    """A line for each controller and each rule or deviation: numbers, and what they are less those of the other that it is
+    compared with. `verdict`: heading, name of the claim by rule, other and controller, statements."""
+    heading, name, statements = verdict
+    told = {one.claim.name: one.verdict for one in statements}
+    lines = []
+    for law, other in product(CONTROLLERS, compared):
+        for rule in compared[other]:
+            rows = pair(law, rule, (other,) if other else ())
+            line = {"controller": law, "rule": rule, **means(rows, own), "less": other or "–"}
+            line |= means(rows, less, other)
+            line |= {heading: told.get(name.format(rule, other, law), "–")} if heading else {}
+            lines.append(line)
     return pd.DataFrame(lines)
 
 
-def forest(axes: Axes, numbers: Mapping[str, Sequence[Interval]]) -> None:
-    """A row for each rule in its colour: means with intervals, a circle and a square for the two controllers."""
-    for j, (rule, pair) in enumerate(numbers.items()):
-        for k, one in enumerate(pair):
-            x, y = (one.low, one.value, one.high), [j + 0.25 * k] * 3
-            axes.plot(x, y, "os"[k] + "-", color=RULES[rule].colour, markevery=[1])
-    axes.set_yticks(np.arange(len(numbers)) + 0.125, numbers)
-    axes.set_ylim(len(numbers) - 0.4, -0.4)
+def compared(rules: Sequence[str], printed: e.Arms) -> dict[str, Sequence[str]]:
+    """What rules and deviations are compared with -> these."""
+    return {"": rules[:1], rules[0]: rules[1:], CORRECTED: (*printed, PRINTED)}
+
+
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Each rule, and what it adds to `alone`; each deviation taken back, and what it adds to the corrected patent."""
+    pair = partial(paired, complete(rows))
+    return table_of(compared(COMPARED, AS_PRINTED), pair, OWN, LESS)
 
 
 def figure(rows: pd.DataFrame) -> Figure:
@@ -320,12 +320,10 @@ def figure(rows: pd.DataFrame) -> Figure:
     found = {one.claim.name: one for one in statements(rows)}
     drawn = Figure(figsize=(WIDE, 2.5), layout="constrained")
     for axes, name in zip(drawn.subplots(1, 5, sharey=True), "abcde", strict=True):
-        own = {rule: [found[f"{name}: {rule} under {law}"] for law in CONTROLLERS]
-               for rule in LAYERS}  # fmt: skip
-        forest(axes, {rule: [one.number for one in pair] for rule, pair in own.items()})
-        claim = own[PRINTED][0].claim
-        bound = claim.least if np.isfinite(claim.least) else claim.most
-        axes.axvline(bound, color="0.5", linewidth=0.8)
+        names = {rule: [f"{name}: {rule} under {law}" for law in CONTROLLERS] for rule in LAYERS}
+        claim = found[names[PRINTED][0]].claim
+        numbers = {rule: [found[one].number for one in pair] for rule, pair in names.items()}
+        forest(axes, numbers, RULES, claim.bound)
         axes.set(title=f"({name})", xlabel="\n".join(wrap(claim.text.rpartition(": ")[2], 24)))
     drawn.supxlabel(MARKERS)
     return drawn

@@ -19,15 +19,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter, Token, UnusedCliTokensError
 
-if TYPE_CHECKING:
+from alloc.errors import InputError, UnsoundRun, check_compiling
+from studies import StudyError, WorkerLost
+
+if TYPE_CHECKING:  # a command imports what it needs: the help is there at once
     import pandas as pd
 
     from studies.core import Study
 
-FAILED, BAD_INPUT, INTERRUPTED, UNREAD, TERMINATED = 1, 2, 130, 141, 143
+FAILED, BAD_INPUT, UNREAD = 1, 2, 141
 LONGEST = 1500
 """Letters of a message; what was given may be longer."""
-MOST_EVENTS, GREATEST_SEED, PROCESSES_PER_CORE = 1_000_000, 2**31 - 1, 16
 
 app = App(
     name="readhesion",
@@ -38,18 +40,36 @@ app = App(
 )
 app.meta.suppress_keyboard_interrupt = False
 
-
-def _whole(_: type, tokens: Sequence[Token]) -> int:
-    """A whole number; the library would round 1.5."""
-    try:
-        return int(tokens[0].value)
-    except ValueError:
-        raise ValueError(f"{tokens[0].value!r} is not a whole number") from None
+# options
 
 
-Whole = Annotated[int, Parameter(converter=_whole, n_tokens=1)]
-Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative_iterable=())]
-"""Several names, one by one or with commas."""
+def _whole(least: int, most: int) -> Parameter:
+    """A whole number within these; the library would round 1.5."""
+
+    def convert(_: type, tokens: Sequence[Token]) -> int:
+        given = tokens[0].value
+        if not given.removeprefix("-").isdecimal():
+            raise ValueError(f"{given!r} is not a whole number")
+        if not least <= int(given) <= most:
+            raise ValueError(f"{given}: give a whole number from {least} to {most}")
+        return int(given)
+
+    return Parameter(converter=convert, n_tokens=1)
+
+
+def _names(_: type, tokens: Sequence[Token]) -> list[str]:
+    """Several names, one by one or with commas."""
+    found = [part.strip() for one in tokens for part in one.value.split(",")]
+    if not any(found):
+        raise ValueError("it has no name; `readhesion list` has them")
+    return list(dict.fromkeys(filter(None, found)))
+
+
+Seed = Annotated[int, _whole(0, 2**31 - 1)]
+Count = Annotated[int, _whole(1, 1_000_000)]
+Jobs = Annotated[int, _whole(1, 16 * (os.cpu_count() or 1))]
+Several = Parameter(consume_multiple=True, negative_iterable=(), converter=_names)
+Names = Annotated[list[str] | None, Several]
 Flag = Annotated[bool, Parameter(negative=())]
 Json = Annotated[bool, Parameter("--json", negative=())]
 
@@ -59,28 +79,52 @@ Json = Annotated[bool, Parameter("--json", negative=())]
 class Work:
     """Who works."""
 
-    jobs: Whole | None = None
+    jobs: Jobs | None = None
     """Processes [default: one per core]."""
     scheduler: str | None = None
     """Address of a Dask scheduler, or the file that it wrote; its workers do the work."""
     retry_failed: Flag = False
     """Run again what failed."""
+    dry_run: Flag = False
+    """Say what is to be run and about how long it takes; run nothing."""
 
-    def options(self) -> dict[str, Any]:
-        """As arguments of `run_study`. Raises `StudyError` for an impossible number of processes."""
-        from studies.core import cores
+    def rows(
+        self, study: "Study", folder: Path, events: int | None = None, seed: int | None = None
+    ) -> "pd.DataFrame | None":
+        """The rows of a study, written as they are, and as tables and figure; of a dry run None, and a forecast."""
+        from paper_figs import styled
+        from studies.core import cores, missing, run_study, write_results
 
-        most = PROCESSES_PER_CORE * cores()
-        _check_whole("--jobs", self.jobs, 1, most)
-        return {
-            "jobs": self.jobs or cores(),
-            "scheduler": self.scheduler,
-            "retry_failed": self.retry_failed,
-            "quiet": False,
-        }
+        jobs = self.jobs or cores()
+        if self.dry_run:
+            cells, lacking, seconds = missing(study, folder, events, seed)
+            told = ": no stored run says how long one takes" if lacking else ""
+            if lacking and seconds == seconds:
+                minutes, rest = divmod(round(lacking * seconds / jobs), 60)
+                told = f": about {minutes} min {rest} s in {jobs} processes"
+            print(f"{cells} runs, of which {lacking} are to be made{told}")
+            return None
+        given = jobs, self.scheduler, self.retry_failed
+        rows = run_study(study, folder, events, seed, *given, quiet=False)
+        with styled():
+            write_results(study, rows, folder)
+        return rows
 
 
-ALONE = Work()
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Sweep(Work):
+    """Who works, and what becomes of it."""
+
+    out: Path = Path("results")
+    """Folder for rows, tables and figure."""
+    as_json: Json = False
+    """Print JSON instead."""
+
+
+WORK, SWEEP = Work(), Sweep()
+
+# commands
 
 
 @app.command
@@ -89,57 +133,39 @@ def compare(
     scenario: Names = None,
     rules: Names = None,
     controllers: Names = None,
-    seeds: Whole | None = None,
-    out: Path = Path("results"),
-    work: Work = ALONE,
-    dry_run: Flag = False,
-    as_json: Json = False,
+    seeds: Seed | None = None,
+    work: Sweep = SWEEP,
 ) -> int:
     """Run rules and controllers over the same slip events, and print how well each does.
 
     Rows that the output folder has are not run again. The exit code is 1 if every run failed.
 
-    Parameters
-    ----------
-    scenario
-        Shipped scenarios or TOML files [default: all that ship but those of faults].
-    rules
-        Allocation rules [default: all that differ].
-    controllers
-        Readhesion controllers [default: cut-and-ramp, perturb-observe, and mpc on the first seed].
-    seeds
-        Number of seeds of every event; the first, 0, is the event as its file says [default: 5].
-    out
-        Folder for rows, table and figure.
-    dry_run
-        Say how many runs are to be made and about how long they take; make none.
-    as_json
-        Print JSON with every metric of every event instead.
+    Args:
+        scenario: Shipped scenarios or TOML files [default: all that ship but those of faults].
+        rules: Allocation rules [default: all that differ].
+        controllers: Readhesion controllers [default: cut-and-ramp, perturb-observe, and mpc on the first seed].
+        seeds: Number of seeds of every event; the first, 0, is the event as its file says [default: 5].
     """
     from studies import compare as comparison
     from studies.plugins import try_own_parts
-    from studies.scenario import load
+    from studies.scenario import load, remarks
 
-    chosen = comparison.grid(
-        [load(name) for name in _split(scenario)],
-        _split(rules),
-        _split(controllers),
-        seeds,
-    )
-    study = comparison.study_of(chosen)
-    if dry_run:
-        return _forecast(study, out / "compare", None, None, work)
-    for one in chosen.scenarios:
-        _remark(one.remarks(one.event()))
-    try_own_parts(chosen.rules, (*chosen.controllers, *chosen.slow))
-    rows = _run(study, out / "compare", None, None, work)
-    if as_json:
-        print(json.dumps(comparison.as_json(rows), indent=1))
+    chosen = comparison.grid([load(name) for name in scenario or ()], rules, controllers, seeds)
+    folder = work.out / "compare"
+    if not work.dry_run:
+        for one in chosen.scenarios:
+            _say(*remarks(one.event()))
+        try_own_parts(chosen.rules, (*chosen.controllers, *chosen.slow))
+    rows = work.rows(comparison.study_of(chosen), folder)
+    if rows is None:
+        return 0
+    if work.as_json:
+        _print_json(comparison.as_json(rows))
     else:
         found = comparison.standings(rows)
         print("\n".join([comparison.answer(found), *comparison.lines(found)]))
-        shown = "" if out == Path("results") else f" --results {out}"
-        print(f"{_counted(rows)} in {out / 'compare'}; next: readhesion report{shown}")
+        shown = "" if work.out == Path("results") else f" --results {work.out}"
+        print(f"{_counted(rows)} in {folder}; next: readhesion report{shown}")
     return 0 if (rows["status"] == "ok").any() else FAILED
 
 
@@ -149,7 +175,7 @@ def simulate(
     *,
     rule: str = "cooperative",
     controller: str = "perturb-observe",
-    seed: Whole = 0,
+    seed: Seed = 0,
     out: Path | None = None,
     figure: Path | None = None,
     every: Annotated[bool, Parameter("--all", negative=())] = False,
@@ -157,24 +183,15 @@ def simulate(
 ) -> None:
     """Run one slip event and print its main metrics.
 
-    Parameters
-    ----------
-    scenario
-        Name of a shipped scenario, or a TOML file.
-    rule
-        Allocation rule.
-    controller
-        Readhesion controller.
-    seed
-        Seed of what the event draws; 0 is the event as its file says.
-    out
-        File for the recorded run (netCDF, .nc; MATLAB, .mat).
-    figure
-        File for a figure of it (pdf, png or svg).
-    every
-        Print every metric.
-    as_json
-        Print JSON with every metric instead.
+    Args:
+        scenario: Name of a shipped scenario, or a TOML file.
+        rule: Allocation rule.
+        controller: Readhesion controller.
+        seed: Seed of what the event draws; 0 is the event as its file says.
+        out: File for the recorded run (netCDF, .nc; MATLAB, .mat).
+        figure: File for a figure of it (pdf, png or svg).
+        every: Print every metric.
+        as_json: Print JSON with every metric instead.
     """
     from alloc.metrics import METRICS, evaluate
     from alloc.recording import save
@@ -182,15 +199,14 @@ def simulate(
     from studies.compare import find_controller
     from studies.plugins import try_own_parts
     from studies.runs import recorded
-    from studies.scenario import load
+    from studies.scenario import load, remarks
 
     event = load(scenario)
     RULES.find(rule)
     find_controller(controller)
-    _check_whole("--seed", seed, 0, GREATEST_SEED)
     _check_file(out, ".nc", ".mat")
     _check_file(figure, ".pdf", ".png", ".svg")
-    _remark(event.remarks(event.event(seed)))
+    _say(*remarks(event.event(seed)))
     try_own_parts([rule], [controller])
     run = recorded(event, rule, controller, seed)
     values = evaluate(run)
@@ -204,14 +220,14 @@ def simulate(
     if as_json:
         about = {"scenario": event.name, "rule": rule, "controller": controller, "seed": seed}
         known = {name: None if one != one else one for name, one in values.items()}
-        print(json.dumps({**about, "metrics": known}, indent=1))
+        _print_json({**about, "metrics": known})
         return
     shown = HEADLINES if not every else tuple(values)
     print(f"{event.name}: {rule}, {controller}, seed {seed}")
     for name in shown:
         told = "–" if values[name] != values[name] else f"{values[name]:.4g}"
         unit, meaning = METRICS[name].unit.removeprefix("1"), METRICS[name].description
-        print(f"  {name:19}{told:>9} {unit:6}{meaning}"[: _width()])
+        _print_line(f"  {name:19}{told:>9} {unit:6}{meaning}")
     if not every:
         print(f"  {len(values) - len(shown)} more: --all")
 
@@ -224,87 +240,35 @@ HEADLINES = (
 
 @app.command
 def sweep(
-    study: str,
-    *,
-    events: Whole | None = None,
-    seed: Whole | None = None,
-    out: Path = Path("results"),
-    work: Work = ALONE,
-    dry_run: Flag = False,
-    as_json: Json = False,
+    study: str, *, events: Count | None = None, seed: Seed | None = None, work: Sweep = SWEEP
 ) -> int:
     """Ask one question over many events, and print the answer; more events extend fewer.
 
-    Parameters
-    ----------
-    study
-        Name of a study, see `readhesion list studies`, or a Python file that has a STUDY.
-    events
-        Number of events [default: that of the study].
-    seed
-        Seed of what is drawn [default: that of the study].
-    out
-        Folder for rows, tables and figure.
-    dry_run
-        Say how many cells are to be run and about how long they take; run none.
-    as_json
-        Print JSON instead.
+    Args:
+        study: Name of a study, see `readhesion list studies`, or a Python file that has a STUDY.
+        events: Number of events [default: that of the study].
+        seed: Seed of what is drawn [default: that of the study].
     """
     from studies.catalogue import find_study
     from studies.core import markdown
     from studies.statistics import statement_table
 
     found = find_study(study)
-    _check_whole("--events", events, 1, MOST_EVENTS)
-    _check_whole("--seed", seed, 0, GREATEST_SEED)
-    folder = out / found.name
-    if dry_run:
-        return _forecast(found, folder, events, seed, work)
-    rows = _run(found, folder, events, seed, work)
-    good = rows[rows["status"] == "ok"]
-    if good.empty:
-        print(f"readhesion: all of {found.name} failed: {rows['reason'].iloc[0]}", file=sys.stderr)
+    rows = work.rows(found, work.out / found.name, events, seed)
+    if rows is None:
+        return 0
+    if not (rows["status"] == "ok").any():
+        _say(f"all of {found.name} failed: {rows['reason'].iloc[0]}")
         return FAILED
     tables = {"table": found.table(rows)}
     if found.statements is not None:
         tables["statements"] = statement_table(found.statements(rows))
-    if as_json:
-        print(json.dumps({name: json.loads(one.to_json(orient="records"))
-                          for name, one in tables.items()}, indent=1))  # fmt: skip
+    if work.as_json:
+        _print_json({k: json.loads(one.to_json(orient="records")) for k, one in tables.items()})
     else:
         print("\n".join([found.question, "", *map(markdown, tables.values())]))
-        print(f"{_counted(rows)}, tables and figure in {folder}")
-    return 0
-
-
-def _run(
-    study: "Study", folder: Path, events: int | None, seed: int | None, work: Work
-) -> "pd.DataFrame":
-    """The rows of a study; they are written as they are, and as tables and figure."""
-    from paper_figs import styled
-    from studies.core import run_study, write_results
-
-    rows = run_study(study, folder, events, seed, **work.options())
-    with styled():
-        write_results(study, rows, folder)
-    return rows
-
-
-def _forecast(
-    study: "Study", folder: Path, events: int | None, seed: int | None, work: Work
-) -> int:
-    """Say what there is to do."""
-    from studies.core import missing
-
-    jobs = work.options()["jobs"]
-    cells, lacking, seconds = missing(study, folder, events, seed)
-    told = ""
-    if lacking:
-        told = ": no stored run says how long one takes"
-        if seconds == seconds:
-            minutes, rest = divmod(round(lacking * seconds / jobs), 60)
-            told = f": about {minutes} min {rest} s in {jobs} processes"
-    print(f"{cells} runs, of which {lacking} are to be made{told}")
+        told = "tables and figure" if found.figure else "tables"
+        print(f"{_counted(rows)}, {told} in {work.out / found.name}")
     return 0
 
 
@@ -315,105 +279,89 @@ def figures(
     results: Path = Path("results"),
     out: Path = Path("figures"),
     kind: Annotated[Literal["pdf", "png", "svg"], Parameter("--format")] = "pdf",
-    work: Work = ALONE,
-    dry_run: Flag = False,
+    work: Work = WORK,
 ) -> None:
     """Draw the figures of the papers, each with its caption beside it.
 
     A figure of a study shows the rows of its last sweep. Where there are none, the sweep is run for a
     figure that is asked for by name or source; among all figures it is left out.
 
-    Parameters
-    ----------
-    names
-        Figures [default: all]; `readhesion list figures` names them.
-    source
-        Those of one document: jp5484215, jp4209318, rtri, readhesion_paper or jph07322414.
-    results
-        Folder of the studies' rows.
-    out
-        Folder for the figures.
-    kind
-        Format of the files.
-    dry_run
-        Say which sweeps are to be run, and about how long they take; draw nothing.
+    Args:
+        names: Figures [default: all]; `readhesion list figures` names them.
+        source: Those of one document: jp5484215, jp4209318, rtri, readhesion_paper or jph07322414.
+        results: Folder of the studies' rows.
+        out: Folder for the figures.
+        kind: Format of the files.
     """
     import paper_figs
-    from studies import StudyError
     from studies.catalogue import find_study
 
     chosen = paper_figs.chosen_figures(names, source)
-    lacking = {one.study for one in chosen.values()
-               if one.study and not (results / one.study / "rows.parquet").is_file()}  # fmt: skip
+    needed = sorted({one.study for one in chosen.values() if one.study})
+    lacking = [one for one in needed if not (results / one / "rows.parquet").is_file()]
     if not names and source is None:
-        for study in sorted(lacking):
+        for study in lacking:
             command = study if study == "compare" else f"sweep {study}"
             print(f"left out for want of rows: those of readhesion {command}")
         chosen = {name: one for name, one in chosen.items() if one.study not in lacking}
-        lacking = set()
-    for study in sorted(lacking):
+        lacking = []
+    for study in lacking:
+        folder = results / study
         if study == "compare":
-            raise StudyError(
-                f"there are no rows in {results / study}; run readhesion compare first"
-            )
-        found = find_study(study)
-        if dry_run:
+            raise StudyError(f"there are no rows in {folder}; run readhesion compare first")
+        if work.dry_run:
             print(f"{study}: ", end="")
-            _forecast(found, results / study, None, None, work)
-        else:
-            _run(found, results / study, None, None, work)
-    if dry_run:
+        work.rows(find_study(study), folder)
+    if work.dry_run:
         print(f"{len(chosen)} figures to draw")
         return
     for path in paper_figs.draw(chosen, results, out, kind):
-        print(f"{path}: {chosen[path.stem].caption}"[: _width()])
+        _print_line(f"{path}: {chosen[path.stem].caption}")
 
 
 @app.command(name="list")
 def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
     """Name what there is: scenarios, rules, controllers, curves, trains, studies, figures, metrics.
 
-    Parameters
-    ----------
-    kind
-        One of these kinds alone.
-    as_json
-        Print JSON instead.
+    Args:
+        kind: One of these kinds alone.
+        as_json: Print JSON instead.
     """
-    from studies.catalogue import KINDS, find_kind
+    from studies.catalogue import KINDS
+    from studies.keys import near
 
-    found = {name: find_kind(name) for name in ([kind] if kind else KINDS) if name != "figures"}
-    if kind in (None, "figures"):
+    def figures() -> dict[str, str]:
         from paper_figs import all_figures
 
-        found["figures"] = {name: one.caption for name, one in all_figures().items()}
+        return {name: one.caption for name, one in all_figures().items()}
+
+    kinds = KINDS | {"figures": figures}
+    if kind not in (None, *kinds):
+        raise StudyError(f"unknown kind {kind!r}{near(str(kind), kinds)}")
+    found = {name: names() for name, names in kinds.items() if kind in (None, name)}
     if as_json:
-        print(json.dumps(found, indent=1))
+        _print_json(found)
         return
     for title, names in found.items():
         print(f"{title}:")
         for name, words in names.items():
-            print(f"  {name:21} {words}"[: _width()])
+            _print_line(f"  {name:21} {words}")
 
 
 @app.command
 def check(name: str, *, as_json: Json = False) -> int:
     """Try the laws of rules, controllers or curves on one of them; the exit code is 1 if it breaks one.
 
-    Parameters
-    ----------
-    name
-        Name of the part, one of a plug-in too.
-    as_json
-        Print JSON instead.
+    Args:
+        name: Name of the part, one of a plug-in too.
+        as_json: Print JSON instead.
     """
     from alloc.onboard.host import CONTROLLERS
     from alloc.plant.adhesion import CURVES
     from alloc.rules import RULES
     from alloc.rules.testing import verdict
     from alloc.testing import laws_of_part
-    from studies import StudyError
-    from studies.scenario import near
+    from studies.keys import near
 
     known = [*RULES, *CONTROLLERS, *CURVES]
     if name not in known:
@@ -421,12 +369,13 @@ def check(name: str, *, as_json: Json = False) -> int:
     part: Any = CURVES[name]() if name in CURVES else {**RULES, **CONTROLLERS}[name]
     found = [verdict(law, part) for law in laws_of_part(part)]
     if as_json:
-        print(json.dumps([{"law": one.law.name, "kept": not one.fault, "fault": one.fault,
-                           "counterexample": one.counterexample} for one in found], indent=1))  # fmt: skip
+        names = ("law", "kept", "fault", "counterexample")
+        told = ((one.law.name, not one.fault, one.fault, one.counterexample) for one in found)
+        _print_json([dict(zip(names, one, strict=True)) for one in told])
     else:
         for one in found:
             kept = "broken" if one.fault else "kept"
-            print(f"{kept:7} {one.law.name:24} {one.law.meaning}"[: _width()])
+            _print_line(f"{kept:7} {one.law.name:24} {one.law.meaning}")
             if one.fault:
                 print(f"        {one.fault}; counterexample: {one.counterexample}")
     return FAILED if any(one.fault for one in found) else 0
@@ -438,19 +387,15 @@ def report(
 ) -> None:
     """Write the last comparison as one page that opens offline: answer, tables, and replays of events.
 
-    Parameters
-    ----------
-    results
-        Folder of the comparison.
-    out
-        HTML file.
-    events
-        Scenarios that are replayed [default: the three in which rules differ most].
+    Args:
+        results: Folder of the comparison.
+        out: HTML file.
+        events: Scenarios that are replayed [default: the three in which rules differ most].
     """
     from studies.report import write
 
     _check_file(out, ".html")
-    write(results / "compare", out, _split(events))
+    write(results / "compare", out, events or ())
     print(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 
@@ -458,12 +403,9 @@ def report(
 def schema(kind: Literal["scenario", "train"] = "scenario", *, out: Path | None = None) -> None:
     """Print the JSON schema of a kind of file: every key with its unit, meaning and default.
 
-    Parameters
-    ----------
-    kind
-        What the file describes.
-    out
-        File to write instead.
+    Args:
+        kind: What the file describes.
+        out: File to write instead.
     """
     from alloc.sources import write_whole
     from studies import scenario
@@ -480,14 +422,10 @@ def schema(kind: Literal["scenario", "train"] = "scenario", *, out: Path | None 
 def new_scenario(name: str, *, like: str = "wet-start", out: Path = Path()) -> None:
     """Write a scenario file that runs as it stands, with the schema by which editors complete keys.
 
-    Parameters
-    ----------
-    name
-        Name of the scenario; the file is NAME.toml.
-    like
-        Scenario that it begins as: one that ships, or a TOML file.
-    out
-        Folder for both files.
+    Args:
+        name: Name of the scenario; the file is NAME.toml.
+        like: Scenario that it begins as: one that ships, or a TOML file.
+        out: Folder for both files.
     """
     from studies import scenario
 
@@ -499,10 +437,8 @@ def new_scenario(name: str, *, like: str = "wet-start", out: Path = Path()) -> N
 def cite(*, as_bibtex: Annotated[bool, Parameter("--bibtex", negative=())] = False) -> None:
     """Print the publications that the project is based on.
 
-    Parameters
-    ----------
-    as_bibtex
-        As BibTeX.
+    Args:
+        as_bibtex: As BibTeX.
     """
     from alloc.citations import CITATIONS
 
@@ -513,26 +449,8 @@ def cite(*, as_bibtex: Annotated[bool, Parameter("--bibtex", negative=())] = Fal
 # what commands share
 
 
-def _split(words: Sequence[str] | None) -> list[str]:
-    from studies import StudyError
-
-    found = [part.strip() for word in words or () for part in word.split(",")]
-    if words is not None and not any(found):
-        raise StudyError("an option for names has none; `readhesion list` has them")
-    return list(dict.fromkeys(filter(None, found)))
-
-
-def _check_whole(option: str, value: int | None, least: int, most: int) -> None:
-    from studies import StudyError
-
-    if value is not None and not least <= value <= most:
-        raise StudyError(f"{option} {value}: give a whole number from {least} to {most}")
-
-
 def _check_file(path: Path | None, *endings: str) -> None:
     """Raise `StudyError` where a file cannot be written; minutes would be spent in vain."""
-    from studies import StudyError
-
     if path is None:
         return
     if path.suffix.lower() not in endings:
@@ -541,18 +459,27 @@ def _check_file(path: Path | None, *endings: str) -> None:
         raise StudyError(f"file {str(path)!r} cannot be written")
 
 
-def _remark(remarks: Sequence[str]) -> None:
-    for one in remarks:
-        print(f"readhesion: {one}", file=sys.stderr)
-
-
 def _counted(rows: "pd.DataFrame") -> str:
     bad = rows.loc[rows["status"] != "ok", "status"].value_counts()
     return f"{len(rows)} rows" + "".join(f", {n} {status}" for status, n in bad.items())
 
 
-def _width() -> int:
-    return os.get_terminal_size().columns if sys.stdout.isatty() else LONGEST
+def _print_json(value: object) -> None:
+    print(json.dumps(value, indent=1))
+
+
+def _print_line(text: str) -> None:
+    """As much of it as a terminal shows in a line."""
+    print(text[: os.get_terminal_size().columns] if sys.stdout.isatty() else text)
+
+
+def _say(*messages: str) -> None:
+    """Each in one line on stderr."""
+    for message in messages:
+        line = " ".join(message.split())
+        if len(line) > LONGEST:
+            line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+        print(f"readhesion: {line}", file=sys.stderr)
 
 
 # the whole
@@ -565,11 +492,8 @@ def launch(
 ) -> Any:
     """Run a command, after loading plug-ins.
 
-    Parameters
-    ----------
-    plugin
-        Python file that registers rules, controllers, curves or metrics, or a train as TOML; may be
-        given again.
+    Args:
+        plugin: Python file that registers rules, controllers, curves or metrics, or a train as TOML; may be given again.
     """
     if plugin:
         from studies.plugins import load_plugins
@@ -580,15 +504,12 @@ def launch(
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code. What goes wrong is one line on stderr."""
-    from alloc.errors import InputError, UnsoundRun, check_compiling
-    from studies import WorkerLost
-
     said: set[str] = set()
 
     def warn(message: Warning | str, *_: object, **__: object) -> None:
         if str(message) not in said:  # each once
             said.add(str(message))
-            _refuse(str(message))
+            _say(str(message))
 
     try:
         check_compiling()
@@ -605,31 +526,20 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return UNREAD
     except UnusedCliTokensError as error:
         words = ", ".join(map(repr, error.unused_tokens or ()))
-        return _refuse(f"{words}: no option takes this; --help has the options")
+        _say(f"{words}: no option takes this; --help has the options")
     except (CycloptsError, InputError) as error:
-        return _refuse(str(error))
+        _say(str(error))
     except OSError as error:
         named = error.filename is not None and error.strerror
-        return _refuse(f"file {str(error.filename)!r}: {error.strerror}" if named else str(error))
+        _say(f"file {str(error.filename)!r}: {error.strerror}" if named else str(error))
     except (UnsoundRun, WorkerLost) as error:
-        _refuse(str(error))
+        _say(str(error))
         return FAILED
-
-
-def _refuse(message: str) -> int:
-    line = " ".join(message.split())
-    if len(line) > LONGEST:
-        line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
-    print(f"readhesion: {line}", file=sys.stderr)
     return BAD_INPUT
 
 
-_stopped: list[int] = []
-
-
 def _stop(number: int, frame: object) -> None:
-    _stopped.append(number)
-    raise KeyboardInterrupt
+    raise KeyboardInterrupt(number)
 
 
 def main() -> None:
@@ -637,16 +547,15 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal may know plain letters only
-    for number in (signal.SIGINT, signal.SIGTERM):
+    signals = (signal.SIGINT, signal.SIGTERM)
+    for number in signals:
         signal.signal(number, _stop)
     try:
         code = run()
-    except BaseException:
-        if not _stopped:
-            raise
-        code = TERMINATED if _stopped[0] == signal.SIGTERM else INTERRUPTED
-        print("readhesion: stopped; finished rows are kept, the same command goes on", file=sys.stderr)  # fmt: skip
-    for number in (signal.SIGINT, signal.SIGTERM):  # nothing is left to stop
+    except KeyboardInterrupt as stopped:
+        code = 128 + (stopped.args[0] if stopped.args else signal.SIGINT)
+        _say("stopped; finished rows are kept, the same command goes on")
+    for number in signals:  # nothing is left to stop
         signal.signal(number, signal.SIG_IGN)
     sys.exit(code)
 

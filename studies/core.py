@@ -29,16 +29,9 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import MofNCompleteColumn, Progress
 
-from alloc.sources import ASIDE, write_whole
+from alloc.sources import write_whole
 from studies import StudyError, WorkerLost
 from studies.plugins import load_plugins, loaded_files
 from studies.row_key import decides, key_of
@@ -77,14 +70,16 @@ class Study:
     table: Callable[[pd.DataFrame], pd.DataFrame]
     """What is printed and written, from the rows."""
     figure: "Callable[[pd.DataFrame], Figure] | None" = None
+    """None where `paper_figs` draws the rows."""
     statements: Callable[[pd.DataFrame], list[Statement]] | None = None
     events: int = 100
     seed: int = 0
     """How many, and of which seed, where nobody says it: those of the stored tables."""
 
-    def chosen_cells(self, events: int | None, seed: int | None) -> list[Cell]:
-        """The cells of so many events of this seed; None stands for the study's own."""
-        return list(self.cells(events or self.events, self.seed if seed is None else seed))
+    def keyed(self, events: int | None, seed: int | None) -> dict[str, Cell]:
+        """The cells of so many events of this seed, by their keys; None stands for the study's own."""
+        cells = self.cells(events or self.events, self.seed if seed is None else seed)
+        return {key_of(self.run, one.args, one.sources): one for one in cells}
 
 
 # rows that are kept
@@ -125,14 +120,6 @@ class Rows:
         if rows:
             self._write(pd.DataFrame(rows).assign(batch=time.time_ns()))
 
-    def check_writable(self) -> None:
-        """Raise `StudyError` where no file can be written; hours of work would be lost."""
-        with _naming(self.parts):
-            self.parts.mkdir(parents=True, exist_ok=True)
-            trial = self.parts / f".{os.getpid()}{ASIDE}"
-            trial.touch()
-            trial.unlink()
-
     def join(self) -> None:
         """Make one file of many; a reader that meets this reads again."""
         paths = self._paths()
@@ -147,17 +134,12 @@ class Rows:
         table.to_parquet(buffer, index=False)
         content = buffer.getvalue()
         path = self.parts / f"{time.time_ns()}-{_digest(content)}.parquet"
-        with _naming(self.parts):
+        try:
             self.parts.mkdir(parents=True, exist_ok=True)
             write_whole(path, lambda aside: aside.write_bytes(content))
-
-
-@contextmanager
-def _naming(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise StudyError(f"{folder}: rows cannot be written there ({error.strerror})") from None
+        except OSError as error:
+            told = f"{self.parts}: rows cannot be written there ({error.strerror})"
+            raise StudyError(told) from None
 
 
 def _part(path: Path) -> pa.Table | None:
@@ -189,6 +171,8 @@ def in_one_line(error: BaseException) -> str:
 
 REACHED = 10
 """Seconds within which a scheduler answers and has a worker."""
+AHEAD = 2
+"""Tasks on their way for each worker, so that none waits."""
 
 
 def cores() -> int:
@@ -207,7 +191,7 @@ class _Here(Executor):
 
 @contextmanager
 def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[tuple[Executor, int]]:
-    """An executor, and how many tasks it does at once: this process, processes of this machine, or a Dask cluster."""
+    """An executor, and how many tasks it is to have: this process, processes of this machine, or a Dask cluster."""
     if scheduler is not None:
         with _cluster(scheduler) as found:
             yield found
@@ -222,7 +206,7 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[tuple[Execu
         before = set(multiprocessing.active_children())
         pool = ProcessPoolExecutor(jobs, context, _begin, (loaded_files(),))
         try:
-            yield pool, jobs
+            yield pool, AHEAD * jobs
         except BaseException:
             for process in set(multiprocessing.active_children()) - before:
                 process.kill()
@@ -237,19 +221,18 @@ def _cluster(scheduler: str) -> Iterator[tuple[Executor, int]]:
     try:
         from distributed import Client
     except ImportError:
-        raise StudyError(
-            "--scheduler needs the package 'distributed': pip install distributed"
-        ) from None
+        told = "--scheduler needs the package 'distributed': pip install distributed"
+        raise StudyError(told) from None
     given = {"scheduler_file": scheduler} if os.path.isfile(scheduler) else {"address": scheduler}
     try:
         client = Client(**given, timeout=REACHED, set_as_default=False)
         client.wait_for_workers(1, timeout=REACHED)
     except (OSError, TimeoutError, ValueError) as error:
-        raise StudyError(
-            f"--scheduler {scheduler}: nobody works there ({in_one_line(error)})"
-        ) from None
+        told = f"--scheduler {scheduler}: nobody works there ({in_one_line(error)})"
+        raise StudyError(told) from None
     with client:
-        yield client.get_executor(pure=False, retries=3), sum(client.nthreads().values())
+        threads = sum(client.nthreads().values())
+        yield client.get_executor(pure=False, retries=3), AHEAD * threads
 
 
 def _begin(plugins: Sequence[str]) -> None:
@@ -271,10 +254,8 @@ def _begin(plugins: Sequence[str]) -> None:
 
 BATCH_TIME = 1.0
 """Seconds of work that are handed out together; handing out takes milliseconds."""
-LARGEST, LEAST_OF_CLUSTER = 64, 16
-"""Cells that are handed out together at most, and at least to a cluster, whose scheduler takes its time."""
-AHEAD = 2
-"""Batches on their way for each worker, so that none waits."""
+LARGEST = 64
+"""Cells that are handed out together at most."""
 
 
 def run_study(
@@ -292,29 +273,20 @@ def run_study(
     `jobs`: processes of this machine; `scheduler`: address of a Dask scheduler, or its file. A cell that fails is a row with
     its reason. Raises `StudyError` where rows cannot be kept, `WorkerLost` where a worker ended; both keep what is done.
     """
-    cells = study.chosen_cells(events, seed)
-    keys = [key_of(study.run, cell.args, cell.sources) for cell in cells]
-    rows = Rows(folder)
+    cells, rows = study.keyed(events, seed), Rows(folder)
     have = rows.read()
     done = set(have["cell"] if not retry_failed else have.loc[have["status"] != "failed", "cell"])
-    todo = {key: cell for key, cell in zip(keys, cells, strict=True) if key not in done}
+    todo = [(key, cell) for key, cell in cells.items() if key not in done]
     if todo:
-        rows.check_writable()
-        count = min(jobs, len(todo))
-        with (
-            _progress(study.name, len(cells), quiet) as tell,
-            workers(count, scheduler) as (pool, n),
-        ):
+        at_once = workers(min(jobs, len(todo)), scheduler)
+        with _progress(study.name, len(cells), quiet) as tell, at_once as (pool, ahead):
             tell(len(cells) - len(todo))
-            _run(study.run, list(todo.items()), rows, pool, n, tell)
+            _run(study.run, todo, rows, pool, ahead, tell)
         rows.join()
         have = rows.read()
     # what cells say of themselves is said anew: a label may have changed since the rows were computed
     told = pd.DataFrame(
-        [
-            {"cell": key, "name": one.name, **one.columns}
-            for key, one in zip(keys, cells, strict=True)
-        ]
+        {"cell": key, "name": one.name, **one.columns} for key, one in cells.items()
     )
     own = have.drop(columns=[name for name in told if name != "cell" and name in have])
     return told.merge(own, on="cell") if cells else own
@@ -325,30 +297,25 @@ def _run(
     left: list[tuple[str, Cell]],
     rows: Rows,
     pool: Executor,
-    count: int,
+    ahead: int,
     tell: Callable[[int], None],
 ) -> None:
     """Do what is left in batches of about `BATCH_TIME`; rows are kept every `FLUSH` seconds, and at the end."""
-    here = isinstance(pool, _Here)
-    size = 1 if isinstance(pool, _Here | ProcessPoolExecutor) else LEAST_OF_CLUSTER
     files, running, pending = loaded_files(), set[Future[list[Row]]](), list[Row]()
-    flushed = time.monotonic()
+    size, flushed = 1, time.monotonic()
     try:
         while left or running:
-            while left and len(running) < (1 if here else AHEAD * count):
+            while left and len(running) < ahead:
                 batch, left = left[:size], left[size:]
                 task = [(key, one, decides(run, one.sources)) for key, one in batch]
                 running.add(pool.submit(_do, pickle.dumps((run, task)), files))
             done, running = wait(running, timeout=FLUSH, return_when=FIRST_COMPLETED)
             for one in done:
-                made = _made(one)
-                pending += made
+                pending += (made := _made(one))
                 tell(len({row["cell"] for row in made}))
                 spent = max(1e-3, float(np.mean([row["wall_time"] for row in made])))
-                share = max(
-                    1, len(left) // (4 * count)
-                )  # the last batches are small, lest one is late
-                size = 1 if here else max(1, min(int(BATCH_TIME / spent), LARGEST, share))
+                # the last batches are small, lest one is late
+                size = max(1, min(int(BATCH_TIME / spent), LARGEST, len(left) // (2 * ahead)))
             if pending and time.monotonic() - flushed > FLUSH:
                 rows.add(pending)
                 pending, flushed = [], time.monotonic()
@@ -361,9 +328,8 @@ def _made(future: Future[list[Row]]) -> list[Row]:
         return future.result()
     except StudyError:
         raise
-    except (
-        Exception
-    ) as error:  # what a cell raises is a row: a worker was lost, or what it was given
+    except Exception as error:
+        # what a cell raises is a row: a worker was lost, or what it was given
         raise WorkerLost(
             f"a worker was lost ({in_one_line(error)}); what was computed is kept: run again, with fewer jobs if memory "
             'was short. A script that asks for jobs does so under if __name__ == "__main__"'
@@ -381,9 +347,7 @@ def _do(task: bytes, plugins: Sequence[str]) -> list[Row]:
         try:
             if decides(run, cell.sources) != code:
                 raise StudyError("the sources changed while the study ran; run it again")
-            with redirect_stdout(
-                sys.stderr
-            ):  # a part of the user's own may print; stdout is for results
+            with redirect_stdout(sys.stderr):  # where a part prints; stdout is for results
                 made = run(*cell.args)
             rows = list(made) if isinstance(made, list) else [made]
         except Exception as error:
@@ -398,31 +362,19 @@ def _do(task: bytes, plugins: Sequence[str]) -> list[Row]:
 
 @contextmanager
 def _progress(name: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
+    console, columns = Console(stderr=True), (*Progress.get_default_columns(), MofNCompleteColumn())
     off = quiet or not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=off) as bar:
         task = bar.add_task(f"{name} (compiles at first)", total=total)
-
-        def tell(cells: int) -> None:
-            bar.update(task, advance=cells, description=name if cells else None)
-
-        yield tell
+        yield lambda cells: bar.advance(task, cells)
 
 
 def missing(
     study: Study, folder: str | Path, events: int | None, seed: int | None
 ) -> tuple[int, int, float]:
     """Number of a study's cells, of those that `folder` lacks, and mean seconds of a stored row (nan without any)."""
-    have = Rows(folder).read()
-    keys = [key_of(study.run, cell.args, cell.sources) for cell in study.chosen_cells(events, seed)]
-    return len(keys), len(set(keys) - set(have["cell"])), float(have["wall_time"].mean())
+    cells, have = study.keyed(events, seed), Rows(folder).read()
+    return len(cells), len(set(cells) - set(have["cell"])), float(have["wall_time"].mean())
 
 
 # what is written
@@ -441,7 +393,7 @@ def write_results(study: Study, rows: pd.DataFrame, folder: str | Path) -> None:
         write_whole(folder / "figure.pdf", study.figure(rows).savefig)
 
 
-def write_table(table: pd.DataFrame, path: str | Path, digits: int = 3) -> None:
+def write_table(table: pd.DataFrame, path: str | Path) -> None:
     """The table as .parquet, .csv and .md beside each other; `path` is without ending."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -450,17 +402,17 @@ def write_table(table: pd.DataFrame, path: str | Path, digits: int = 3) -> None:
     for ending, write in (
         (".parquet", lambda aside: plain.to_parquet(aside, index=False)),
         (".csv", lambda aside: plain.to_csv(aside, index=False)),
-        (".md", lambda aside: aside.write_text(markdown(plain, digits), "utf-8")),
+        (".md", lambda aside: aside.write_text(markdown(plain), "utf-8")),
     ):
         write_whole(path.with_name(path.name + ending), write)
 
 
-def markdown(table: pd.DataFrame, digits: int = 3) -> str:
+def markdown(table: pd.DataFrame) -> str:
     """A table of GitHub's Markdown; columns of numbers are flush right."""
 
     def text(value: Any) -> str:
         if isinstance(value, float):
-            return "" if np.isnan(value) else f"{value:.{digits}f}"
+            return "" if np.isnan(value) else f"{value:.3f}"
         return str(value).replace("|", "\\|")
 
     right = ["--:" if table[name].dtype.kind in "fiu" else "---" for name in table]

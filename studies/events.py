@@ -14,10 +14,13 @@ from alloc.plant.adhesion import CURVES, CreepCurve
 from alloc.plant.model import level_for
 from alloc.plant.train import Train
 from alloc.units import unit_of
+from studies.scenario import Scenario
 
 Keys = dict[str, Any]
 """A table of a scenario file."""
 Drawn = Mapping[str, Any]
+Arms = Mapping[str, Keys]
+"""Changes of the equipment, by words."""
 
 START_SPEED = 15.0 / 3.6
 """Speed at which the rail of a start offers its drawn level, whatever its curve [m/s]."""
@@ -64,17 +67,30 @@ class Draw:
         }
 
 
+def drawn(base: Scenario, name: str, title: str, **keys: Any) -> Scenario:
+    """An event of a population: `base` with other keys, meant for no case, and the same on all days."""
+    return base.changed(name=name, title=title, case=None, variation=None, **keys)
+
+
+def equipped(base: Scenario, keys: Keys) -> Keys:
+    """The equipment of `base` with these keys; those of a table stand beside its own."""
+    own = base.onboard.model_dump(mode="json", exclude_unset=True)
+    tables = {key: own.get(key, {}) | one for key, one in keys.items() if isinstance(one, dict)}
+    return own | keys | tables
+
+
 def stated(key: str, size: float) -> float:
     """0 where a draw is smaller than any size that files know."""
     return size if abs(size) >= unit_of(key).least else 0.0
 
 
 def signals(d: Drawn) -> Keys:
-    """Keys of sensors and telegrams."""
-    noise, loss = stated("_kmh", d["speed_noise_kmh"]), stated("", d["telegram_loss"])
+    """Keys of sensors and telegrams; of the sensors those that are drawn."""
+    sensors = {"speed_noise_kmh": stated("_kmh", d["speed_noise_kmh"])}
+    sensors |= {name: d[name] for name in ("load_error",) if name in d}
     return {
-        "sensors": {"speed_noise_kmh": noise, "load_error": d["load_error"]},
-        "telegrams": {"jitter_s": 0.03, "loss": loss},
+        "sensors": sensors,
+        "telegrams": {"jitter_s": 0.03, "loss": stated("", d["telegram_loss"])},
     }
 
 

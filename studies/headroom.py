@@ -5,22 +5,21 @@ rail that is better or worse below its front, or failed motors make it. It is re
 controller: the train then is where it could be.
 """
 
-from functools import cache
+from collections.abc import Iterable
+from functools import cache, partial
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.figure import Figure
 
 from alloc.metrics.use import train_bounds
 from alloc.plant.model import structure_of
-from alloc.rules import RULES
 from studies import events as e
-from studies.claims import CONTROLLERS, costs
-from studies.core import WIDE, Cell, Row, Study
+from studies.claims import CONTROLLERS, table_of
+from studies.core import Cell, Row, Study
 from studies.runs import cell, complete, paired, run
 from studies.scenario import Scenario, load
-from studies.statistics import Claim, Statement, judge, mean
+from studies.statistics import Claim, Numbers, Statement, judge, linearised
 
 BASE, OWN, BOUND = "alone", "cooperative", "oracle"
 """What gains count from; this project's own rule, which has goals; the rule under which headroom is read."""
@@ -46,6 +45,7 @@ TRAINS: dict[str, tuple[str, e.Keys]] = {
 """Train -> the scenario whose train and command it has, and the changes to it."""
 WANTED = ((0.0, 0.015), (0.025, 0.05), (0.065, 0.10), (0.10, 0.18))
 """Headroom that its source is to make, by class; a train that moves over the rail meets less."""
+SOURCES = ("growth", "bad front", "bad rear", "failed motors")
 
 
 @cache
@@ -55,9 +55,7 @@ def draw(seed: int, k: int) -> e.Keys:
     return {
         "train": list(TRAINS)[k % 5],
         "wanted": g.uniform(*WANTED[k // 5 % 4]),
-        "source": g.one_of(
-            ("growth", "bad front", "bad rear", "failed motors"), [0.4, 0.2, 0.2, 0.2]
-        ),
+        "source": g.one_of(SOURCES, [0.4, 0.2, 0.2, 0.2]),
         # of the plan from the first axle to the last, where something else makes the headroom
         "growth": g.uniform(-0.05, 0.2),
         "border": g.uniform(0.1, 0.9),  # where good and bad rail meet, of the train's length
@@ -65,9 +63,8 @@ def draw(seed: int, k: int) -> e.Keys:
         "failed_at_s": g.uniform(1.0, 5.0),  # before and after the torque is up
         "level_ratio": g.uniform(0.96, 1.06),  # times the plan: far from it nothing can be gained
         "demand": g.uniform(0.85, 1.0),  # motors have 17 to 70 % in hand
-        "curve": g.one_of(
-            ("piecewise", "polach")
-        ),  # a narrow peak, in which trains believe; a wide one
+        # a narrow peak, in which trains believe; a wide one
+        "curve": g.one_of(("piecewise", "polach")),
         "residual_ratio": g.uniform(0.5, 0.9),
         "scatter_share": g.sometimes(0.5, 0.01, 0.06, 0.0),
         "conditioning": g.sometimes(0.4, 0.05, 0.3, 0.0),  # wheels that slip clean the rail
@@ -91,10 +88,7 @@ def event(seed: int, k: int) -> Scenario:
     offered = plan * d["level_ratio"] * (1.0 + 1.3 * d["wanted"] if fails else 1.0)
     rail = e.offering(e.curve(d["curve"], d), offered, train)
     unit = structure_of(train)[0].axle_unit
-    failed = {
-        "unit": int(d["failed_place"] * (int(unit.max()) + 1)) + 1,
-        "time_s": d["failed_at_s"],
-    }
+    failed = int(d["failed_place"] * (int(unit.max()) + 1)) + 1
     # ten points of growth make one of headroom; at 0.75 the first axle finds less than half of the plan
     growth = min(d["wanted"] / 0.1, 0.75) if d["source"] == "growth" else d["growth"]
     grown = np.log(np.arange(1.0, unit.size + 1.0)) / np.log(unit.size)
@@ -109,17 +103,16 @@ def event(seed: int, k: int) -> Scenario:
         "patches": [*_sides(d, length), *e.patch(d)],
     }
     believed = {"law": "logarithmic", "slope": BELIEVED * plan, "offset": 0.0}
-    return start.changed(
-        name=f"headroom-{seed}-{k:04d}",
-        title=f"random event {k} with headroom",
-        case=None,
+    return e.drawn(
+        start,
+        f"headroom-{seed}-{k:04d}",
+        f"random event {k} with headroom",
         duration_s=DURATION,
-        variation=None,
         target_speed_kmh=None,
         rail=rail,
         onboard=e.signals(d),
         command=[{"time_s": 0.0, "acceleration_kmhs": asked}],
-        failures=[failed] if fails else [],
+        failures=[{"unit": failed, "time_s": d["failed_at_s"]}] if fails else [],
         line=e.line(d, -FAR),
         belief={"curve": {"kind": "piecewise"}, "increments": believed},
     )
@@ -161,23 +154,18 @@ WORTH = 1.0
 """Headroom [points of the plan] above which a share of it says something."""
 
 
-def pairs(rows: pd.DataFrame, controller: str, rule: str) -> pd.DataFrame:
-    """One row per event, with `room`, the headroom, `gain` over `BASE` [points of the plan], and `left`, see `USE`."""
+def pairs(rows: pd.DataFrame, controller: str, rule: str, _: Iterable[str] = ()) -> pd.DataFrame:
+    """One row per event: `room`, the headroom, `gain` over `BASE` [points of the plan], `left`, see `USE`, and `gained`.
+
+    This is the share [%] of the headroom: values whose mean is all gains over all headrooms.
+    """
     own = paired(rows, controller, rule, (BASE, BOUND), DRAWN)
-    return own.assign(
-        room=100.0 * own[f"headroom_{BOUND}"],
-        gain=100.0 * (own["plan_use"] - own[f"plan_use_{BASE}"]),
-        left=1.0 - own["bound_use"] - own["held_back"],
-    )
-
-
-def gained(own: pd.DataFrame) -> "pd.Series[float]":
-    """Share [%] of the headroom gained: values whose mean is all gains over all headrooms (linearised ratio)."""
-    worth = own[own["room"] > WORTH]
-    if worth.empty:
-        return worth["gain"]
-    whole = worth["gain"].sum() / worth["room"].sum()
-    return 100.0 * (whole + (worth["gain"] - whole * worth["room"]) / worth["room"].mean())
+    room = 100.0 * own[f"headroom_{BOUND}"]
+    gain = 100.0 * (own["plan_use"] - own[f"plan_use_{BASE}"])
+    worth = (room > WORTH) & (rule in SHARERS)
+    gained = 100.0 * linearised(gain[worth], room[worth])
+    left = 1.0 - own["bound_use"] - own["held_back"]
+    return own.assign(room=room, gain=gain, gained=gained, left=left)
 
 
 def parts_of(own: pd.DataFrame) -> dict[str, "pd.Series[bool]"]:
@@ -199,70 +187,41 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
         for rule in SHARERS:
             own = pairs(good, law, rule)
             text = "delivers more than alone: effort up to the plan [points of plan]"
-            claims.append(
-                Claim(f"{rule}, {law}", text, own["gain"], 0.0, parts=parts_of(own), digits=2)
-            )
+            parts = parts_of(own)
+            claims.append(Claim(f"{rule}, {law}", text, own["gain"], 0.0, parts=parts, digits=2))
         own = pairs(good, law, OWN)
         slip, damage = (own[name] - own[f"{name}_{BASE}"] for name in ("slip_time", "damage"))
+        over = 100.0 * own["over_delivery"]
         besides = [
-            ("slip over alone [axle s]", slip, -np.inf, 0.0),
-            ("wheel damage over alone [kJ]", damage, -np.inf, 0.0),
-            ("beyond the plan [% of it]", 100.0 * own["over_delivery"], -np.inf, EXCESS),
+            Claim("", "slip over alone [axle s]", slip, most=0.0, digits=2),
+            Claim("", "wheel damage over alone [kJ]", damage, most=0.0, digits=2),
+            Claim("", "beyond the plan [% of it]", over, most=EXCESS, digits=2),
         ]
         text, used = f"uses {GOAL:g} % of the bound, at no cost: bound used [%]", own["bound_use"]
         claims.append(Claim(f"{OWN}, {law}: bound", text, 100.0 * used, GOAL,
                             parts=parts_of(own), besides=besides, digits=2))  # fmt: skip
         text = f"gains {SHARE:g} % of headrooms above one point: share gained [%]"
-        claims.append(Claim(f"{OWN}, {law}: headroom", text, gained(own), SHARE, digits=1))
+        claims.append(Claim(f"{OWN}, {law}: headroom", text, own["gained"], SHARE, digits=1))
     return judge(claims)
 
 
-USE = {
+USE: Numbers = {
     "bound used [%]": ("bound_use", 1, 100.0),
     "left by the sharing [%]": ("left", 1, 100.0),
     "beyond the plan [%]": ("over_delivery", 2, 100.0),
     "Q over the least at this effort [%]": ("excess_damage", 1, 100.0),
+    "headroom gained [%]": ("gained", 1, 1.0),
 }
-"""Heading -> number, digits, scale. What the sharing leaves of the bound is what units miss that no controller limits."""
-COSTS = {"slip [axle s]": ("slip_time", 1, 1.0), "wheel damage Q [kJ]": ("damage", 0, 1.0)}
+"""What the sharing leaves of the bound is what units miss that no controller limits."""
+COSTS: Numbers = {"slip [axle s]": ("slip_time", 1, 1.0), "wheel damage Q [kJ]": ("damage", 0, 1.0)}
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Per controller and rule: use of the bound, share of the headroom, and what it costs, less that of alone."""
-    good, lines = complete(rows), []
-    verdicts = {one.claim.name: one.verdict for one in statements(rows)}
-    for law in CONTROLLERS:
-        for rule in (BASE, *SHARERS, BOUND):
-            own, less = pairs(good, law, rule), BASE if rule != BASE else ""
-            line = {
-                "controller": law,
-                "rule": rule,
-                **costs(own, "", USE),
-                "headroom gained [%]": mean(gained(own)).text(1) if rule in SHARERS else "–",
-                "less": less or "–",
-                **costs(own, less, COSTS),
-                "delivers more than alone": verdicts.get(f"{rule}, {law}", "–"),
-            }
-            lines.append(line)
-    return pd.DataFrame(lines)
-
-
-def figure(rows: pd.DataFrame) -> Figure:
-    """Gain over headroom, event by event; on the line all of it is gained."""
-    good = complete(rows)
-    drawn = Figure(figsize=(WIDE, 2.6), layout="constrained")
-    panels = drawn.subplots(1, 2, sharey=True)
-    for axes, law in zip(panels, CONTROLLERS, strict=True):
-        for rule in ("greedy", "sharing", OWN):
-            own, look = pairs(good, law, rule), RULES[rule]
-            axes.plot(own["room"], own["gain"], look.marker, color=look.colour, markersize=3,
-                      markeredgewidth=0, alpha=0.7, label=rule)  # fmt: skip
-        axes.axline((0.0, 0.0), slope=1.0, color="0.5", linewidth=0.8)
-        axes.set(title=law, xlabel="headroom [points of plan]")
-    panels[0].set_ylabel("gain over alone [points of plan]")
-    panels[0].legend()
-    return drawn
+    pair, rules = partial(pairs, complete(rows)), {"": (BASE,), BASE: (*SHARERS, BOUND)}
+    verdict = "delivers more than alone", "{0}, {2}", statements(rows)
+    return table_of(rules, pair, USE, COSTS, verdict)
 
 
 QUESTION = "What does each rule gain where there is something to gain, and what does it cost?"
-STUDY = Study("headroom", QUESTION, cells, run, table, figure, statements, events=300, seed=200)
+STUDY = Study("headroom", QUESTION, cells, run, table, statements=statements, events=300, seed=200)

@@ -224,21 +224,18 @@ def stops(given: Undisclosed) -> Iterator[tuple[str, int, str, SlideProtection]]
 
 def cells(events: int, seed: int) -> Iterator[Cell]:
     """All stops of `events` sets, the calibrated one first; those of the tables under noise, and of sets held out."""
-
-    def of_set(part: str, k: int, given: Undisclosed) -> Iterator[Cell]:
-        for kind, cars, setting, law in stops(given):
-            if kind == "tables" or part == "member":
-                columns = {"part": part, "set": k, "kind": kind, "cars": cars, "setting": setting}
-                name = " ".join(map(str, columns.values()))
-                yield Cell(name, (given, cars, law), columns)
-
-    for k, given in enumerate(members()[:events]):
-        yield from of_set("member", k, given)
-    for k, noise in enumerate(np.random.default_rng(seed).standard_normal((events, len(NAMES)))):
-        values = np.array(list(asdict(CALIBRATED).values())) * (1.0 + NOISE * noise)
-        yield from of_set("noise", k, Undisclosed(*values.tolist()))
-    for k, given in enumerate(members("held out")[:events]):
-        yield from of_set("held out", k, given)
+    noise = NOISE * np.random.default_rng(seed).standard_normal((events, len(NAMES)))
+    noisy = np.array(list(asdict(CALIBRATED).values())) * (1.0 + noise)
+    sets = {"member": members(), "noise": [Undisclosed(*one) for one in noisy.tolist()]}
+    sets["held out"] = members("held out")
+    for part, several in sets.items():
+        for k, given in enumerate(several[:events]):
+            for kind, cars, setting, law in stops(given):
+                if kind == "tables" or part == "member":
+                    columns: Row = {"part": part, "set": k, "kind": kind, "cars": cars}
+                    columns["setting"] = setting
+                    name = " ".join(map(str, columns.values()))
+                    yield Cell(name, (given, cars, law), columns)
 
 
 # what the source says of them
@@ -264,9 +261,9 @@ class Finding(NamedTuple):
         return ", ".join(f"{sign} {value:.4g}" for sign, value in told if np.isfinite(value))
 
 
-def near(printed: float, tolerance: float) -> tuple[float, float, float]:
-    """Bounds within which a printed number is reached, and that number."""
-    return printed - tolerance, printed + tolerance, printed
+def near(source: str, value: float, printed: float, tolerance: float) -> Finding:
+    """That a number is the printed one, within a tolerance."""
+    return Finding(source, value, printed - tolerance, printed + tolerance, printed)
 
 
 def findings(own: pd.DataFrame) -> dict[str, Finding]:
@@ -282,13 +279,13 @@ def findings(own: pd.DataFrame) -> dict[str, Finding]:
     slip = 100.0 * three.loc["medium", [f"slip_{k + 1}" for k in range(12)]].to_numpy(float)
     q_28 = 100.0 * (five["Q_28"] / five["Q"] - 1.0).abs().max()
     found = {
-        **{f"distance, {n} car{'s' * (n > 1)} [m]": Finding("Table 3", by_cars[n], *near(metres, 0.003 * metres))
+        **{f"distance, {n} car{'s' * (n > 1)} [m]": near("Table 3", by_cars[n], metres, 0.003 * metres)
            for n, metres in TABLE_3.items()},
         "every further car shortens it by [m]": Finding("par. 0061", -np.diff(by_cars).max(), 0.0),
-        "Q, medium [kJ]": Finding("Table 4", q["medium"], *near(TABLE_4["medium"][1], 0.03 * TABLE_4["medium"][1])),
-        "Q, low over medium": Finding("Table 4", q["low"] / q["medium"], *near(1.10, 0.03)),
-        "Q, high over medium": Finding("Table 4", q["high"] / q["medium"], *near(0.346, 0.02)),
-        "high brakes longer than medium by [%]": Finding("Table 4", longer["high"], *near(1.9, 0.5)),
+        "Q, medium [kJ]": near("Table 4", q["medium"], TABLE_4["medium"][1], 0.03 * TABLE_4["medium"][1]),
+        "Q, low over medium": near("Table 4", q["low"] / q["medium"], 1.10, 0.03),
+        "Q, high over medium": near("Table 4", q["high"] / q["medium"], 0.346, 0.02),
+        "high brakes longer than medium by [%]": near("Table 4", longer["high"], 1.9, 0.5),
         "low brakes longer than medium by [%]": Finding("Table 4", longer["low"], most=0.0, printed=-0.08),
         "axle 1 slides more than any other by [points]": Finding("par. 0058", slip[0] - slip[1:].max(), 0.0),
         "each car behind slides less by [points]":
@@ -303,9 +300,8 @@ def findings(own: pd.DataFrame) -> dict[str, Finding]:
     if "none" in kinds:
         tried, plain, none = kinds["sensitivity"], kinds["threshold"], kinds["none"].iloc[0]
         better = tried[["distance", "Q"]].to_numpy()[:, None] < three[["distance", "Q"]].to_numpy()
-        beaten = int(better.all(axis=2).any(axis=0).sum())
-        name = "settings that another sensitivity beats in both"
-        found[name] = Finding("par. 0064", beaten, most=0.0)
+        beaten = Finding("par. 0064", int(better.all(axis=2).any(axis=0).sum()), most=0.0)
+        found["settings that another sensitivity beats in both"] = beaten
         best = on_front(tried)[::-1]
         at_equal_q = plain["distance"] - np.interp(plain["Q"], best["Q"], best["distance"])
         for setting, value in zip(plain["setting"], at_equal_q, strict=True):
@@ -366,25 +362,16 @@ def figure(rows: pd.DataFrame) -> Figure:
     first = own[own["set"] == 0].set_index("kind")
     plain, settings = first.loc["threshold"], first.loc["tables"].set_index("setting")
     axes.plot(plain["distance"], plain["Q"], "s", color="tab:orange", ms=4, label="thresholds")
-    for name, printed in TABLE_4.items():
-        axes.plot(*settings.loc[name, ["distance", "Q"]], "o", color="tab:blue", zorder=4)
-        axes.plot(*printed, "kx", label="printed (Table 4)" if name == "low" else None, zorder=5)
-        va = "bottom" if name == "low" else "top"
-        axes.annotate(name, printed, (-6, 0), textcoords="offset points", ha="right", va=va)
+    found = settings.loc[list(TABLE_4), ["distance", "Q"]].to_numpy()
+    axes.plot(*found.T, "o", color="tab:blue", zorder=4, label="low, medium, high")
+    axes.plot(*np.array(list(TABLE_4.values())).T, "kx", zorder=5, label="printed (Table 4)")
     axes.set(xlabel="braking distance of 3 cars [m]", xlim=(372.0, None))
     axes.set(ylabel="wheel damage Q [kJ]", yscale="log")
-    axes.set_yticks([300, 500, 1000, 2000, 4000], labels=["300", "500", "1000", "2000", "4000"])
-    axes.minorticks_off()
     axes.legend(title="grey: other sets")
     return drawn
 
 
-STUDY = Study(
-    "jp4209318",
-    "Does slide protection give the distances and the wheel damage of JP4209318, Tables 3 and 4?",
-    cells,
-    run,
-    table,
-    figure,
-    events=54,
+QUESTION = (
+    "Does slide protection give the distances and the wheel damage of JP4209318, Tables 3 and 4?"
 )
+STUDY = Study("jp4209318", QUESTION, cells, run, table, figure, events=54)

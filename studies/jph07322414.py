@@ -5,9 +5,9 @@ force that a map of the line and known coefficients predict. Claims 3 and 4 lear
 claim 5 learns first and then uses them, claims 6 and 7 learn from a run and do not act.
 
 The source prints no numbers and does not say which point of a train is its position: the map is read in the middle of the
-train, and beside that at its front and car by car. Forces stand here for the source's currents, which are forces times K_i.
-The position is the true one, the measured speed has noise. Beyond the source are recursive least squares as the learners'
-yardstick, two more weights for A + B V, and that I_FB goes on acting while claim 5 uses what it learnt.
+train, and beside that car by car. Forces stand here for the source's currents, which are forces times K_i. The position is
+the true one, the measured speed has noise. Beyond the source are recursive least squares as the learners' yardstick, two
+more weights for A + B V, and that I_FB goes on acting while claim 5 uses what it learnt.
 """
 
 import math
@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from alloc.driving import Controls, TrainSense, drive
 from alloc.metrics.use import jerk
 from alloc.plant.laws import GRAVITY
-from alloc.plant.model import build
+from alloc.plant.model import Structure, build, structure_of
 from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import EFFORT_SPEED_STEP, Train
-from studies.core import Cell, Row, Study
-from studies.statistics import Claim, Statement, judge, mean
+from studies.core import WIDE, Cell, Row, Study
+from studies.statistics import Claim, Interval, Statement, forest, judge, mean
 
 Floats = NDArray[np.float64]
 
@@ -98,13 +98,6 @@ class Route:
         speed = min(self.first + self.rate * max(time - START, 0.0), self.cruise)
         return speed, self.rate if rises else 0.0
 
-    def one_car(self) -> "Route":
-        """The first motor car alone, which meets a change at once."""
-        car = next(car for car in self.train.cars if car.motors is not None)
-        (a, b, c), mass, length = self.train.resistance, car.mass / self.train.mass, car.length
-        own = (a * mass, b * mass, c * (length / self.length))
-        return replace(self, train=replace(self.train, cars=(car,), resistance=own))
-
 
 def route(kind: str, tunnel_factor: float, load: float, gradient: float, cruise: float) -> Route:
     """A tunnel, a climb and a descent; `load` as a share of a full one, `gradient` as rise per run, `cruise` [m/s]."""
@@ -122,22 +115,19 @@ def route(kind: str, tunnel_factor: float, load: float, gradient: float, cruise:
 
 # What the train knows of its line, and the force that a motion needs there.
 
-Reading = Literal["front", "middle", "cars"]
 Ends = tuple[float, float]
 
 
 class LineMemory:
-    """Section memory 72 and gradient memory 75 of Fig. 2, read at a point of the train or in the middle of every car."""
+    """Section memory 72 and gradient memory 75 of Fig. 2, read in the middle of the train, or `by_car` of every car."""
 
-    def __init__(self, of: Route, reading: Reading) -> None:
+    def __init__(self, of: Route, by_car: bool = False) -> None:
         self.line, self.changes, self.length = of.line, of.changes, of.length
-        lengths, masses = np.array([(car.length, car.mass) for car in of.train.cars]).T
-        if reading == "cars":  # air resistance counts by length, gradients by mass
-            self.points = 0.5 * lengths - np.cumsum(lengths)
-            self.air, self.mass = lengths / lengths.sum(), masses / masses.sum()
-        else:
-            self.points = np.array([0.0 if reading == "front" else -0.5 * self.length])
-            self.air = self.mass = np.ones(1)
+        cars = [(car.length, car.mass) for car in of.train.cars]
+        lengths, masses = np.array(cars if by_car else [(of.length, of.train.mass)]).T
+        self.points = 0.5 * lengths - np.cumsum(lengths)
+        # air resistance counts by length, gradients by mass
+        self.air, self.mass = lengths / lengths.sum(), masses / masses.sum()
         grades = np.array(of.line.grades)
         self.slopes = GRAVITY * grades / np.sqrt(1.0 + grades * grades)  # g sin(theta), (1)
 
@@ -173,17 +163,17 @@ FILTER, SETTLED = 1.0, 3.0
 class Samples:
     """Samples after a low-pass, which over both sides of F = W Z leaves W as it is.
 
-    There is none while running resistance changes under the train, nor until the filter has settled. It begins anew in each
-    section, so that no sample mixes the open and a tunnel.
+    There is none while running resistance changes under the train, nor until the filter has settled. Behind a change it
+    begins anew, so that no sample mixes the open and a tunnel.
     """
 
     def __init__(self, of: Route, memory: LineMemory, count: int) -> None:
         self.wheelsets, self.memory, self.count = of.train.rotating_mass, memory, count
         self.state: Floats | None = None
-        self.section, self.taken = False, 0
+        self.taken = 0
 
     def add(self, x: Ends, v: Ends, force: float, feedback: float = 0.0) -> Floats | None:
-        """Z, force less what turns the wheelsets [N], `feedback` [N] and a [m/s2], low-passed; (count + 3,).
+        """Z, force less what turns the wheelsets [N], and `feedback` [N], low-passed; (count + 2,).
 
         After a period with positions `x` [m] and speeds `v` [m/s] at its ends, under the motors' `force` [N].
         """
@@ -193,37 +183,32 @@ class Samples:
             return None
         tunnel, slope = self.memory.read(middle)
         z = regressors(0.5 * (v[0] + v[1]), a + slope, tunnel, self.count)
-        new, section = np.array([*z, force - self.wheelsets * a, feedback, a]), tunnel > 0.5
-        if self.state is None or section != self.section:
-            self.state, self.section, self.taken = np.zeros(new.size), section, 0
+        new = np.array([*z, force - self.wheelsets * a, feedback])
+        if self.state is None:
+            self.state, self.taken = np.zeros(new.size), 0
         self.state = self.state - math.expm1(-PERIOD / FILTER) * (new - self.state)
         self.taken += 1
         return self.state if self.taken * PERIOD > SETTLED + 1e-9 else None
 
 
-Learner = Callable[[Floats, Floats, float, float], Floats]
-"""Weights after weights, Z, an error [N] and a; the error is I_FB in claims 4 and 6, force less W Z in claims 5 and 7."""
+Learner = Callable[[Floats, float], Floats]
+"""Step of the weights by Z and an error [N], which is I_FB in claims 4 and 6, force less W Z in claims 5 and 7."""
 
 
-def gradient(gain: float, as_printed: bool = False) -> Learner:
-    """(5), W + K_d delta Z with one gain for all weights. Printed is Z3 = a; (2), (3), (6), (7) have a + g sin(theta)."""
-
-    def learn(weights: Floats, z: Floats, error: float, a: float) -> Floats:
-        return weights + gain * error * (np.array([z[0], z[1], a]) if as_printed else z)
-
-    return learn
+def gradient(gain: float) -> Learner:
+    """(5), K_d delta Z with one gain for all weights. Its Z3 = a is a misprint: (2), (3), (6), (7) have a + g sin(theta)."""
+    return lambda z, error: gain * error * z
 
 
 def normalised(rate: float, of: Route) -> Learner:
     """The gradient in Z over its size on a route, by steps that remove the share `rate` of a sample's error."""
     typical = np.array([of.cruise**2, of.cruise**2, of.rate])
 
-    def learn(weights: Floats, z: Floats, error: float, a: float) -> Floats:
+    def step(z: Floats, error: float) -> Floats:
         scaled = z / typical
-        size = float(scaled @ scaled)
-        return weights + rate * error * scaled / (typical * size) if size > 0.0 else weights
+        return rate * error * scaled / (typical * (float(scaled @ scaled) or math.inf))
 
-    return learn
+    return step
 
 
 def least_squares(doubt: Floats) -> Learner:
@@ -234,7 +219,7 @@ def least_squares(doubt: Floats) -> Learner:
     """
     covariance, variance = np.diag(doubt**2), 500.0**2
 
-    def learn(weights: Floats, z: Floats, error: float, a: float) -> Floats:
+    def step(z: Floats, error: float) -> Floats:
         nonlocal covariance
         along = covariance @ z
         free = (z != 0.0) | (np.arange(z.size) > 1)
@@ -242,31 +227,36 @@ def least_squares(doubt: Floats) -> Learner:
         rest = np.eye(z.size) - np.outer(gain, z)
         moved = rest @ covariance @ rest.T + variance * np.outer(gain, gain)
         covariance = 0.5 * (moved + moved.T)
-        return weights + gain * error
+        return gain * error
 
-    return learn
+    return step
 
 
 # The speed control.
+
+
+def rim_force(train: Structure) -> Floats:
+    """Force at the rims of each unit over the torque of its motors [N/(N m)], (units,); all wheels are alike."""
+    return train.unit_axles * train.unit_gear / train.radius[0]
+
 
 USE, LEARN, WINDOW = 0.01, 0.05, 10.0
 """What was learnt is used from an rms error [N] per mass [kg] below the first on, and learnt anew beyond the second; time of
 the mean, and least time between both [s]. Assumed."""
 Adds = Literal["nothing", "measured", "commanded", "learnt", "learnt alone"]
-CASES: dict[str, tuple[Adds, Reading]] = {
-    "feedback": ("nothing", "middle"),
-    "compensation": ("measured", "middle"),
-    "front": ("measured", "front"),
-    "cars": ("measured", "cars"),
-    "wrong": ("measured", "middle"),
-    "learned": ("commanded", "middle"),
-    "exact": ("commanded", "cars"),
-    "use": ("learnt", "middle"),
-    "printed": ("learnt alone", "middle"),
+CASES: dict[str, Adds] = {
+    "feedback": "nothing",
+    "compensation": "measured",
+    "cars": "measured",
+    "wrong": "measured",
+    "learned": "commanded",
+    "exact": "commanded",
+    "use": "learnt",
+    "printed": "learnt alone",
 }
-"""What I_FF is, and where the map is read. Nothing: Fig. 8. Measured: resistance at the measured speed, claims 1 and 2, with
-true coefficients or wrong ones. Commanded: force of the commanded motion, claims 3 and 4, with weights learnt in an earlier
-run or the plant's five. Learnt: the latter once it is learnt, claim 5, with I_FB or, as printed, alone."""
+"""What I_FF is. Nothing: Fig. 8. Measured: resistance at the measured speed, claims 1 and 2, with true coefficients or wrong
+ones. Commanded: force of the commanded motion, claims 3 and 4, with weights learnt in an earlier run or the plant's five.
+Learnt: the latter once it is learnt, claim 5, with I_FB or, as printed, alone."""
 
 
 @dataclass(eq=False)
@@ -284,9 +274,8 @@ class SpeedControl:
     seed: int | None
 
     def __post_init__(self) -> None:
-        of = self.of
-        self.adds, reading = CASES[self.case]
-        self.memory = LineMemory(of, reading)
+        of, self.adds = self.of, CASES[self.case]
+        self.memory = LineMemory(of, by_car=self.case in ("cars", "exact"))
         self.samples = Samples(of, self.memory, self.weights.size)
         self.alternates = self.adds in ("learnt", "learnt alone")
         self.using, self.since, self.square = not self.alternates, 0.0, math.nan
@@ -295,12 +284,9 @@ class SpeedControl:
         self.gain = (empty.mass + empty.rotating_mass) / TIME_CONSTANT
         self.integral_gain = self.gain / RESET_TIME if self.integral else 0.0
         self.integrator = 0.0
-        cars = [(car, car.motors) for car in of.train.cars if car.motors is not None]
-        radius, motors = cars[0][0].wheel_radius, cars[0][1]  # all motors are alike
-        limits = motors.drive, motors.brake
-        self.limits = [one.tabulate(radius, motors.gear_ratio) for one in limits]
-        driven = sum(len(axles) for car, _ in cars for axles in car.units())
-        self.rim = driven * motors.gear_ratio / radius  # N per N m of each motor
+        train = structure_of(of.train)[0]
+        self.limits = train.drive_table[0], train.brake_table[0]  # all motors are alike
+        self.rim = float(rim_force(train).sum())
         self.log: list[tuple[float, ...]] = []  # per period, as `LOGGED`
         self.before: tuple[float, float, float, float, bool] | None = None
 
@@ -340,11 +326,11 @@ class SpeedControl:
         sample = self.samples.add((x0, x), (v0, v), force, feedback)
         if sample is None:
             return None
-        z, (force, feedback, a) = sample[:-3], sample[-3:].tolist()
+        z, (force, feedback) = sample[:-2], sample[-2:].tolist()
         if self.alternates and self.using:
             return float(feedback)
         model = float(force - self.weights @ z)
-        self.weights = self.learner(self.weights, z, model if self.alternates else feedback, a)
+        self.weights = self.weights + self.learner(z, model if self.alternates else feedback)
         return model
 
     def switched(self, error: float) -> bool:
@@ -391,11 +377,11 @@ def drive_case(of: Route, case: str, integral: bool, wrong: Floats, seed: int | 
         learner = normalised(PERIOD / LEARNING_TIME, of)
         earlier = None if seed is None else seed + 1
         first = SpeedControl(of, case, integral, weights, learner, earlier)
-        weights = drive_route(of, first)["weights"].values
-    return drive_route(of, SpeedControl(of, case, integral, weights, learner, seed))
+        weights = _driven(of, first)["weights"].values
+    return _driven(of, SpeedControl(of, case, integral, weights, learner, seed))
 
 
-def drive_route(of: Route, control: SpeedControl) -> xr.Dataset:
+def _driven(of: Route, control: SpeedControl) -> xr.Dataset:
     """A run on a rail that no torque here overstrains."""
     model = build(of.train, Rail(0.3), of.line, span=(0.0, 100.0 + of.duration * of.cruise))
     run = drive(model, control, of.duration, initial_speed=of.first, period=PERIOD, step=PERIOD)
@@ -409,18 +395,16 @@ def learn_alone(of: Route, run: xr.Dataset, learner: Learner, weights: Floats, s
 
     Par. 0049 calls Fig. 7 claim 6, but it shows the error of claim 7, which is taken here.
     """
-    unit = run["axle_unit"].values
-    axles = np.bincount(unit[unit >= 0], minlength=run.sizes["unit"])
-    rim = axles * run["unit_gear"].values / run["unit_radius"].values
+    rim = rim_force(structure_of(of.train)[0])
     force = run["motor_torque"].values[1:] @ rim  # what is asked of a period acts at its end
     x, v = run["position"].values, run["car_speed"].values[:, 0]
     v = v + NOISE * np.random.default_rng(seed).standard_normal(v.size)
-    samples = Samples(of, LineMemory(of, "middle"), weights.size)
+    samples = Samples(of, LineMemory(of), weights.size)
     for k in range(x.size - 1):
         sample = samples.add((x[k], x[k + 1]), (v[k], v[k + 1]), force[k])
         if sample is not None:
-            z, (force_, _, a) = sample[:-3], sample[-3:].tolist()
-            weights = learner(weights, z, float(force_ - weights @ z), a)
+            z, pull = sample[:-2], sample[-2]
+            weights = weights + learner(z, float(pull - weights @ z))
     return weights
 
 
@@ -430,8 +414,8 @@ PLACES = {"mouth": "tunnel mouth", "gradient": "gradient change"}
 QUANTITIES = ("speed_peak", "acceleration_peak", "acceleration_rms", "jerk_peak")
 SETTLE = 10.0
 """Time [s] after the rear has passed a change until which its disturbance is sought."""
-ALONE = ("printed_gradient", "gradient", "normalised_gradient", "least_squares", "five_weights")
-"""Learners that stand alone: (5) with Z3 as printed, (5), and so on; the last is least squares too."""
+ALONE = ("gradient", "normalised_gradient", "least_squares", "five_weights")
+"""Learners that stand alone; the last is least squares too."""
 
 
 def draw(seed: int, event: int) -> tuple[str, bool, Route, Floats, tuple[float, ...]]:
@@ -457,10 +441,6 @@ def run(seed: int, event: int) -> Row:
         row |= {f"{case}_{key}": value for key, value in measured(of, done).items()}
         if case == "feedback":
             row |= learnt_alone(of, done, noise)
-    single = of.one_car()
-    for case in ("feedback", "compensation"):
-        found = measured(single, drive_case(single, case, integral, wrong, noise))
-        row |= {f"one_car_{case}_{key}": value for key, value in found.items()}
     return row | boarded(loads, noise)
 
 
@@ -484,11 +464,11 @@ def measured(of: Route, run: xr.Dataset) -> Row:
     means = pd.DataFrame(felt, columns=["place", *QUANTITIES]).groupby("place").mean()
     row = {f"{name}_{place}": means.loc[place, name] for name, place in product(QUANTITIES, PLACES)}
     used, back, force = (run[name].values for name in ("in_use", "feedback", "force"))
-    off = np.abs(speed[used > 0.5])
+    in_use = np.abs(speed[used > 0.5])
     return row | {
         "feedback": float(np.sqrt(np.mean(back**2) / np.mean(force**2))),
         "share": float(used.mean()),
-        "error": float(off.max()) if off.size else math.nan,
+        "error": float(in_use.max()) if in_use.size else math.nan,
         "W3": run["weights"].values[2] / of.train.mass,
     }
 
@@ -498,13 +478,7 @@ def learnt_alone(of: Route, run: xr.Dataset, seed: int) -> Row:
     begin = np.array([1.0 + WRONG, 1.0 - WRONG, 1.0 - WRONG, 0.0, 0.0]) * of.weights(5)
     doubt = np.append(0.5 * of.weights(), [5e3, 300.0])
     gain = of.cruise**-4  # half of that from which a step of (5) overshoots, 2/|Z|^2
-    learners: tuple[Learner, ...] = (
-        gradient(gain, as_printed=True),
-        gradient(gain),
-        normalised(0.02, of),
-        least_squares(doubt[:3]),
-        least_squares(doubt),
-    )
+    learners = gradient(gain), normalised(0.02, of), least_squares(doubt[:3]), least_squares(doubt)
     a, b, c = of.train.resistance
     row: Row = {"equivalent_W1": 1.0 + b / (c * of.cruise) + a / (c * of.cruise**2)}
     for name, learner in zip(ALONE, learners, strict=True):
@@ -533,92 +507,86 @@ def cells(events: int, seed: int) -> list[Cell]:
     return [Cell(f"{seed}/{k}", (seed, k), {"event": k}) for k in range(events)]
 
 
-def over(rows: pd.DataFrame, quantity: str, place: str, case: str, other: str = "") -> pd.Series:
-    """A disturbance in a case over that in another, which is the feedback alone unless named."""
-    other = other or ("one_car_feedback" if case.startswith("one_car") else "feedback")
-    return rows[f"{case}_{quantity}_{place}"] / rows[f"{other}_{quantity}_{place}"]
+def over(rows: pd.DataFrame, what: str, case: str, other: str = "feedback") -> "pd.Series[float]":
+    """A disturbance at a place, such as jerk_peak_mouth, in a case over that in another."""
+    return rows[f"{case}_{what}"] / rows[f"{other}_{what}"]
 
 
 def statements(rows: pd.DataFrame) -> list[Statement]:
     """Verdicts as one family, and by train and control. Bounds were fixed beforehand: less disturbance is below 1, as steady
     is below 1.25, learnt is within 5 %, nearly zero is below 5 %."""
-    rows = rows[rows["status"] == "ok"]
-    parts = {f"the {kind} train": rows["train"] == kind for kind in KINDS}
-    parts |= {f"{control} control": rows["control"] == control for control in ("P", "PI")}
-    found = []
+    rows, found = rows[rows["status"] == "ok"], []
     for quantity, (place, where) in product(QUANTITIES, PLACES.items()):
         what = quantity.replace("_", " ")
         for case, reading in (("compensation", ""), ("cars", " car by car")):
             text = f"compensation{reading} lessens the {what} at a {where}; over feedback alone"
-            values = over(rows, quantity, place, case)
+            values = over(rows, f"{quantity}_{place}", case)
             found.append(Claim(f"1, 2: {what},{reading} {place}", text, values, most=1.0, digits=2))
     for place, where in PLACES.items():
-        for case, name, text, least, most in (
-            ("wrong", "1, 2: wrong", "wrong coefficients disturb the speed more", 1.0, np.inf),
-            ("learned", "3, 4: steady", "learnt ones keep the speed as steady", -np.inf, 1.25),
-        ):
-            text = f"{text} at a {where}, over true ones"
-            values = over(rows, "speed_peak", place, case, "compensation")
-            found.append(Claim(f"{name}, {place}", text, values, least, most, digits=2))
-    air, becomes = rows["least_squares_W1"], "W3 becomes the mass"
-    errors = {
-        "3, 4: I_FB": ("with true weights I_FB is nearly zero; over I", rows["exact_feedback"]),
-        "3, 4: mass": (f"{becomes} while it compensates; error", rows["learned_W3"] - 1.0),
-        "7: W1": ("W1 becomes the air resistance, least squares; error", air - 1.0),
-        "7: W1, all": ("the same with A and B put into it", air / rows["equivalent_W1"] - 1.0),
-        "boarding": ("mass learnt on a departure, five weights; error", rows["mass_five"]),
-        "boarding, three": ("the same, three weights", rows["mass_three"]),
-    }
+        of, end = (rows, f"speed_peak_{place}"), f"at a {where}, over true ones"
+        text, values = (
+            "wrong coefficients disturb the speed more",
+            over(*of, "wrong", "compensation"),
+        )
+        found.append(Claim(f"1, 2: wrong, {place}", f"{text} {end}", values, least=1.0, digits=2))
+        text, values = "learnt ones keep the speed as steady", over(*of, "learned", "compensation")
+        found.append(Claim(f"3, 4: steady, {place}", f"{text} {end}", values, most=1.25, digits=2))
+    becomes, air = "W3 becomes the mass", rows["least_squares_W1"]
+    errors = [
+        ("3, 4: I_FB", "with true weights I_FB is nearly zero; over I", rows["exact_feedback"]),
+        ("3, 4: mass", f"{becomes} while it compensates; error", rows["learned_W3"] - 1.0),
+        ("7: W1", "W1 becomes the air resistance, least squares; error", air - 1.0),
+        ("7: W1, all", "the same with A and B put into it", air / rows["equivalent_W1"] - 1.0),
+        ("boarding", "mass learnt on a departure, five weights; error", rows["mass_five"]),
+        ("boarding, three", "the same, three weights", rows["mass_three"]),
+    ]
     for one in ALONE:
-        text = f"{becomes} without acting, {one.replace('_', ' ')}; error"
-        errors[f"7: mass, {one.replace('_', ' ')}"] = (text, rows[f"{one}_W3"] - 1.0)
-    for name, (text, error) in errors.items():
+        name, error = one.replace("_", " "), rows[f"{one}_W3"] - 1.0
+        errors.append((f"7: mass, {name}", f"{becomes} without acting, {name}; error", error))
+    for name, text, error in errors:
         found.append(Claim(name, f"{text} [%]", error.abs(), most=0.05, digits=1, scale=100.0))
     text = "what was learnt is in use for most of the run [%]"
     found.append(Claim("5: in use", text, rows["use_share"], least=0.5, digits=1, scale=100.0))
     text = "without feedback, as printed, the speed stays within 1 m/s while it is in use [m/s]"
     found.append(Claim("5: as printed", text, rows["printed_error"], most=1.0, digits=2))
+    parts = {f"the {kind} train": rows["train"] == kind for kind in KINDS}
+    parts |= {f"{control} control": rows["control"] == control for control in ("P", "PI")}
     return judge([one._replace(parts=parts) for one in found])
 
 
 COLUMNS = {
     "compensation": "compensation",
-    "front": "memory at the front",
     "cars": "memory car by car",
-    "one_car_compensation": "of a single car",
     "wrong": "30 % wrong weights",
     "learned": "learnt weights",
 }
 """Cases beside the feedback alone, as table and figure call them."""
 
 
+def compared(rows: pd.DataFrame, quantity: str, place: str) -> dict[str, Interval]:
+    """A disturbance over that of the feedback alone, by case."""
+    good, what = rows[rows["status"] == "ok"], f"{quantity}_{place}"
+    return {words: mean(over(good, what, case)) for case, words in COLUMNS.items()}
+
+
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Disturbances over those of the feedback alone: mean over events and its 95 % interval."""
-    good, lines = rows[rows["status"] == "ok"], []
+    lines = []
     for quantity, (place, where) in product(QUANTITIES, PLACES.items()):
+        found = compared(rows, quantity, place)
         line = {"disturbance": f"{quantity.replace('_', ' ')}, {where}"}
-        for case, words in COLUMNS.items():
-            line[words] = mean(over(good, quantity, place, case)).text(2)
-        lines.append(line)
+        lines.append(line | {words: one.text() for words, one in found.items()})
     return pd.DataFrame(lines)
 
 
 def figure(rows: pd.DataFrame) -> Figure:
     """The same as points."""
-    good, drawn = rows[rows["status"] == "ok"], Figure(figsize=(7.16, 2.0), layout="constrained")
-    panels = drawn.subplots(1, 4, sharey=True)
-    for axes, quantity in zip(panels, QUANTITIES, strict=True):
-        for place, look, shift in (("mouth", "o", -0.12), ("gradient", "s", 0.12)):
-            found = [mean(over(good, quantity, place, case)) for case in COLUMNS]
-            value, low, high, _ = np.array(found).T
-            at, spread = np.arange(value.size) + shift, np.nan_to_num([value - low, high - value])
-            axes.errorbar(value, at, xerr=spread, fmt=look, label=PLACES[place])
-        axes.axvline(1.0, color="0.4", lw=0.8)
+    drawn = Figure(figsize=(WIDE, 1.8), layout="constrained")
+    for axes, quantity in zip(drawn.subplots(1, 4, sharey=True), QUANTITIES, strict=True):
+        found = [compared(rows, quantity, place) for place in PLACES]
+        forest(axes, {words: [one[words] for one in found] for words in found[0]}, bound=1.0)
         axes.set(xlim=(0.0, None), title=quantity.replace("_", " "))
-    panels[0].set_yticks(range(len(COLUMNS)), list(COLUMNS.values()))
-    panels[0].invert_yaxis()
-    panels[3].legend(loc="center right")
-    drawn.supxlabel("disturbance over that of the feedback alone [1]")
+    drawn.supxlabel("over the feedback alone [1]; circles: mouths, squares: gradient changes")
     return drawn
 
 

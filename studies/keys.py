@@ -215,7 +215,7 @@ def told_of(source: object) -> Iterator[None]:
 
 MOST_BYTES = 1_000_000
 DEEP = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){20}""")
-"""A key of more parts than tables are nested, for which the library would take hours."""
+"""A key of more parts than tables are nested, for which the library would take all memory."""
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
@@ -247,8 +247,6 @@ def checked(kind: type[Table], data: Mapping[str, Any], path: str = "") -> Table
         return kind.model_validate_json(json.dumps(data, default=_plain))
     except ValidationError as error:
         raise StudyError(_explain(error, kind, data, path)) from None
-    except RecursionError:
-        raise StudyError("tables are nested too deeply") from None
 
 
 def _plain(value: Any) -> Any:
@@ -316,9 +314,3 @@ def near(name: str, known: Iterable[str]) -> str:
     if found := get_close_matches(name.lower(), lowered, 1):
         return f"; did you mean {lowered[found[0]]!r}?"
     return f"; known: {', '.join(lowered.values())}"
-
-
-def schema_of(kind: type[Keys], title: str) -> Schema:
-    """The JSON schema of a file, for editors."""
-    dialect = "https://json-schema.org/draft/2020-12/schema"
-    return {"$schema": dialect} | kind.model_json_schema() | {"title": title}

@@ -18,7 +18,7 @@ from studies import events as e
 from studies.core import WIDE, Cell, Study
 from studies.runs import cell, complete, run
 from studies.scenario import Scenario, load
-from studies.statistics import Claim, Statement, judge, mean
+from studies.statistics import Claim, Numbers, Statement, forest, judge, mean, means
 
 LADDER = ("none", "table", "cut-and-ramp", "pi-creep", "perturb-observe", "steepest-gradient", "mpc")  # fmt: skip
 """This project's, from the simplest on."""
@@ -71,12 +71,11 @@ def event(seed: int, k: int) -> Scenario:
     drop = [one | {"fade_s": 0.1} for one in e.drop(d)]
     patches = drop + e.stretch(d["patch_factor"], 10.0, 40.0)
     rail = e.offering(e.curve(d["curve"], d), d["level"], train_of(d["train"]))
-    return load(base).changed(
-        name=f"ladder-{seed}-{k:04d}",
-        title=f"random event {k} of the ladder",
-        case=None,
+    return e.drawn(
+        load(base),
+        f"ladder-{seed}-{k:04d}",
+        f"random event {k} of the ladder",
         duration_s=DURATION,
-        variation=None,
         rail=rail
         | {"increments": {"law": "logarithmic"}, "patches": patches}
         | {"scatter": d["scatter"], "scatter_length_m": 20.0},
@@ -136,21 +135,16 @@ class Said(NamedTuple):
 
 SEARCHING = ("perturb-observe", "steepest-gradient")
 """Creep controllers that look for the peak; pi-creep is the same loop without a search."""
-SAID = (
+RESTLESS = f"restless, by 1 % of the plan, {ARXIV}"
+SAID = [
     *(Said(name, below, "a rung of the ladder") for below, name in pairwise(LADDER)),
     Said("fuzzy-creep", "pi-creep", "Tian, Daniel, Meehan 2014"),
     Said("swarm-slip", "pi-creep", "Zirek, Onat 2020"),
-    *(
-        Said(name, other, ARXIV, metric, *bounds)
-        for name, other in product(("fuzzy-tracking", "swarm-tracking"), SEARCHING)
-        for metric, *bounds in ((USED, 0.0), ("search_time", -np.inf, 0.0))
-    ),
-    *(Said(name, "mpc", f"slow, {ARXIV}", "search_time") for name in SEARCHING),
-    *(
-        Said(name, "pi-creep", f"restless, by 1 % of the plan, {ARXIV}", "torque_fluctuation", 0.01)
-        for name in SEARCHING
-    ),
-)
+]
+for _name, _other in product(("fuzzy-tracking", "swarm-tracking"), SEARCHING):
+    SAID += [Said(_name, _other, ARXIV), Said(_name, _other, ARXIV, "search_time", -np.inf, 0.0)]
+SAID += [Said(name, "mpc", f"slow, {ARXIV}", "search_time") for name in SEARCHING]
+SAID += [Said(name, "pi-creep", RESTLESS, "torque_fluctuation", 0.01) for name in SEARCHING]
 
 
 def statements(rows: pd.DataFrame) -> list[Statement]:
@@ -161,105 +155,70 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
     parts = {name: d["train"] == name for name in TRAINS}
     parts |= {f"a {peak}": d["curve"] == kind for kind, peak in PEAKS.items()}
     parts |= {"even rail": even, "scatter or a patch": ~even}
-
-    def of(metric: str, name: str) -> pd.Series:
-        return good[good["controller"] == name].set_index("scenario")[metric]
-
+    of = {name: good[good["controller"] == name].set_index("scenario") for name in ARMS}
     claims = []
     for percent, name, source in YARDSTICKS:
         text = f"{name} uses {percent:.0f} % of the adhesion where a unit is short of it ({source})"
-        values = 100.0 * of(USED, name)
-        claims.append(
-            Claim(f"{percent:.0f} %: {name}", text, values, percent, parts=parts, digits=1)
-        )
-    for one in SAID:
-        (words, digits, scale), word = TOLD[one.metric], "more" if one.most == np.inf else "less"
-        claims.append(
-            Claim(
-                f"{words}: {one.name}, {one.other}",
-                f"{one.name} has {word} {words} than {one.other} ({one.source})",
-                of(one.metric, one.name) - of(one.metric, one.other),
-                one.least, one.most, parts, digits=digits, scale=scale,
-            )
-        )  # fmt: skip
+        label, values = f"{percent:.0f} %: {name}", 100.0 * of[name][USED]
+        claims.append(Claim(label, text, values, percent, parts=parts, digits=1))
+    for name, other, source, metric, least, most in SAID:
+        (words, digits, scale), word = TOLD[metric], "more" if most == np.inf else "less"
+        text = f"{name} has {word} {words} than {other} ({source})"
+        label, values = f"{words}: {name}, {other}", of[name][metric] - of[other][metric]
+        claim = Claim(label, text, values, least, most, parts, digits=digits, scale=scale)
+        claims.append(claim)
     return judge(claims)
 
 
 # table and figure
 
 GROUPS = ("multiple units", "locomotive")
+TABLE: Numbers = {
+    "adhesion used where short [%]": (USED, 1, 100.0),
+    **{f"{words} [%]": (kind, 1, 100.0) for kind, words in PEAKS.items()},
+    "search time [s]": ("search_time", 2, 1.0),
+    "unfinished searches [%]": ("unfinished_searches", 0, 100.0),
+    "torque fluctuation [% of plan]": ("torque_fluctuation", 1, 100.0),
+    "slip [axle s]": ("slip_time", 1, 1.0),
+    "wheel damage Q [kJ]": ("damage", 0, 1.0),
+    "effort [% of plan]": ("effort_ratio", 0, 100.0),
+}
 
 
-def groups(rows: pd.DataFrame) -> list[tuple[str, str, pd.DataFrame]]:
-    """Group of trains, controller, and its rows."""
+def groups(rows: pd.DataFrame) -> list[pd.DataFrame]:
+    """Rows of multiple units, and of the locomotive; with the adhesion used on each kind of curve."""
     good = complete(rows)
+    good = good.assign(**{kind: good[USED].where(good["curve"] == kind) for kind in PEAKS})
     hauled = good["train"] == LOCOMOTIVE
-    return [
-        (group, name, own[own["controller"] == name])
-        for group, own in zip(GROUPS, (good[~hauled], good[hauled]), strict=True)
-        for name in ARMS
-    ]
+    return [good[~hauled], good[hauled]]
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Means over events with 95 % intervals, of the worst slip the greatest; none where a group has no event."""
     lines = []
-    for group, name, own in groups(rows):
-        peak = {f"{words} [%]": mean(own.loc[own["curve"] == kind, USED]).text(1, 100.0)
-                for kind, words in PEAKS.items()}  # fmt: skip
-        lines.append(
-            {
-                "trains": group,
-                "controller": name,
-                "events": len(own),
-                "adhesion used where short [%]": mean(own[USED]).text(1, 100.0),
-                **peak,
-                "search time [s]": mean(own["search_time"]).text(),
-                "unfinished searches [%]": mean(own["unfinished_searches"]).text(0, 100.0),
-                "torque fluctuation [% of plan]": mean(own["torque_fluctuation"]).text(1, 100.0),
-                "slip [axle s]": mean(own["slip_time"]).text(1),
-                "worst slip [m/s]": f"{own['slip_peak'].max():.2f}" if len(own) else "–",
-                "wheel damage Q [kJ]": mean(own["damage"]).text(0),
-                "effort [% of plan]": mean(own["effort_ratio"]).text(0, 100.0),
-            }
-        )
+    for (group, good), name in product(zip(GROUPS, groups(rows), strict=True), ARMS):
+        own = good[good["controller"] == name]
+        line = {"trains": group, "controller": name, "events": len(own), **means(own, TABLE)}
+        worst = f"{own['slip_peak'].max():.2f}" if len(own) else "–"
+        lines.append(line | {"worst slip [m/s]": worst})
     return pd.DataFrame(lines)
-
-
-FIGURE = {
-    USED: ("adhesion used where short [%]", 100.0),
-    "slip_time": ("slip [axle s]", 1.0),
-    "damage": ("wheel damage Q [kJ]", 1.0),
-}
 
 
 def figure(rows: pd.DataFrame) -> Figure:
     """What a controller uses, and what it costs: means with intervals."""
     drawn = Figure(figsize=(WIDE, 3.0), layout="constrained")
-    panels = drawn.subplots(1, len(FIGURE), sharey=True)
-    for axes, (metric, (label, scale)) in zip(panels, FIGURE.items(), strict=True):
-        for group, name, own in groups(rows):
-            y = -ARMS.index(name) - 0.3 * GROUPS.index(group)
-            found, look = mean(scale * own[metric]), CONTROLLERS[name]
-            ends = [[found.value - found.low], [found.high - found.value]]
-            face = look.colour if group == GROUPS[0] else "white"
-            axes.errorbar(
-                found.value, y, xerr=ends, color=look.colour, marker=look.marker, mfc=face
-            )
+    shown = ("adhesion used where short [%]", "slip [axle s]", "wheel damage Q [kJ]")
+    for axes, label in zip(drawn.subplots(1, 3, sharey=True), shown, strict=True):
+        metric, _, scale = TABLE[label]
+        found = {
+            name: [mean(scale * own.loc[own["controller"] == name, metric]) for own in groups(rows)]
+            for name in ARMS
+        }
+        forest(axes, found, CONTROLLERS)
         axes.set(xlabel=label, xscale="linear" if metric == USED else "log")
-    panels[0].set_yticks(-np.arange(len(ARMS)) - 0.15, ARMS)
     drawn.supxlabel(f"filled: {GROUPS[0]}, hollow: {GROUPS[1]}")
     return drawn
 
 
-STUDY = Study(
-    "ladder",
-    "How do readhesion controllers, ours and others', use adhesion where it is short, and at what cost?",
-    cells,
-    run,
-    table,
-    figure,
-    statements,
-    events=60,
-    seed=77,
-)
+QUESTION = "How do readhesion controllers, ours and others', use adhesion where it is short, and at what cost?"
+STUDY = Study("ladder", QUESTION, cells, run, table, figure, statements, events=60, seed=77)

@@ -26,7 +26,7 @@ from alloc.plant.rail import GROWTH_SLOPE, SPEED_LAWS, logarithmic_increments
 from alloc.simulation import simulate
 from studies.core import Cell, Row, Study, StudyError
 from studies.scenario import Scenario, load
-from studies.statistics import Claim, Statement, judge, mean
+from studies.statistics import Claim, Numbers, Statement, judge, means
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -258,19 +258,13 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
     by = series(rows)
     rail, first = by["rail"], by["at_first"]
     parts = {f"{a} rail, stored {b}": (rail == a) & (first == b) for a, b in KINDS}
-    claims = []
+    claims, stays = [], f"errors stay below {TOLERANCE} in most events"
     for arm in LEARNING:
         error, until = by[f"error_{arm}"], by[f"stations_{arm}"]
         effort, words = by[f"effort_ratio_{arm}"], arm.replace("_", ", ")
         gained, lost = effort - by["effort_ratio_none"], effort - by["effort_ratio_truth"]
         for name, text, values, least, digits in (
-            (
-                "learnt",
-                f"errors stay below {TOLERANCE} in most events",
-                until.notna() * 1.0,
-                0.5,
-                2,
-            ),
+            ("learnt", stays, until.notna() * 1.0, 0.5, 2),
             ("closer", "errors are smaller than at first", by["error_none"] - error, 0.0, 4),
             ("effort", "learning gains effort over the plan's", gained, 0.0, 4),
             ("as good", "true increments would gain little more", lost, -LITTLE, 4),
@@ -288,18 +282,20 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
     by, lines = series(rows), []
     for (rail, first), arm in product(KINDS, ARMS):
         own = by[(by["rail"] == rail) & (by["at_first"] == first)]
-        reference = "held" if ARMS[arm].held else "received"
-        line: Row = {"rail": rail, "stored": first, "learning": arm.replace("_", ", ")}
-        for name, words, digits, scale in (
-            ("error", "largest error", 4, 1.0),
-            ("stations", "stations until learnt", 1, 1.0),
-            (f"excess_{reference}", "data above truth", 4, 1.0),
-            ("effort_ratio", "effort [% of plan]", 2, 100.0),
-            ("slip_time", "slip time [axle s]", 2, 1.0),
-            ("damage", "damage [kJ]", 1, 1.0),
-        ):
-            line[words] = mean(own[f"{name}_{arm}"]).text(digits, scale)
-        lines.append(line)
+        numbers: Numbers = {
+            "largest error": (f"error_{arm}", 4, 1.0),
+            "stations until learnt": (f"stations_{arm}", 1, 1.0),
+            "data above truth": (
+                f"excess_{'held' if ARMS[arm].held else 'received'}_{arm}",
+                4,
+                1.0,
+            ),
+            "effort [% of plan]": (f"effort_ratio_{arm}", 2, 100.0),
+            "slip time [axle s]": (f"slip_time_{arm}", 2, 1.0),
+            "damage [kJ]": (f"damage_{arm}", 1, 1.0),
+        }
+        line = {"rail": rail, "stored": first, "learning": arm.replace("_", ", ")}
+        lines.append(line | means(own, numbers))
     return pd.DataFrame(lines)
 
 
@@ -329,16 +325,12 @@ def figure(rows: pd.DataFrame) -> Figure:
         for arm in LEARNING:
             own = high[(high["rail"] == rail) & (high["arm"] == arm)]
             axes.plot(own.groupby("station")["error"].mean(), label=arm.replace("_", ", "))
-        axes.set(
-            xlabel="station", ylabel="largest error [1]", title=f"{rail} rail", ylim=(0.0, None)
-        )
-    for axes, x, y, title in (
-        (ten, "speed [km/h]", "coefficient [1]", "Fig. 10"),
-        (eleven, "axle", "slides", "Fig. 11, drawn from (14), (15)"),
-        (twelve, "axle", "k σ [1]", "Fig. 12"),
-        (thirteen, "axle", "increment over unit 1 [1]", "Fig. 13"),
-    ):
-        axes.set(xlabel=x, ylabel=y, title=title)
+        axes.set(xlabel="station", ylabel="largest error [1]", title=f"{rail} rail")
+        axes.set_ylim(0.0, None)
+    ten.set(xlabel="speed [km/h]", ylabel="coefficient [1]", title="Fig. 10")
+    eleven.set(xlabel="axle", ylabel="slides", title="Fig. 11, drawn from (14), (15)")
+    twelve.set(xlabel="axle", ylabel="k σ [1]", title="Fig. 12")
+    thirteen.set(xlabel="axle", ylabel="increment over unit 1 [1]", title="Fig. 13")
     for axes in (ten, twelve, thirteen, learning[1]):
         axes.legend()
     return drawn

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
@@ -29,8 +28,9 @@ from alloc.estimation.brake_force import (
     rolling_mass,
     smooth_brake_forces,
 )
+from alloc.estimation.series import spans
 from alloc.plant.laws import hyperbolic_speed_law, running_resistance
-from alloc.plant.model import build
+from alloc.plant.model import build, structure_of
 from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import Train
@@ -101,12 +101,10 @@ def train_of(test: RunningTest, day: int) -> Train:
 
 def drive_test(test: RunningTest, train: Train) -> xr.Dataset:
     """The recorded run of a test on level, dry track."""
-    bogies = [car.bogie_of_axle[-1] + 1 for car in train.cars]
-    braked = [k == 0 or not test.locomotive_only for k in range(len(bogies))]
-    pressure = np.repeat(np.where(braked, test.pressure, 0.0), bogies)
+    braked = train.cars[0].brake_groups if test.locomotive_only else None
 
     def driver(sense: TrainSense, controls: Controls) -> bool:
-        controls.pressure[:] = pressure if sense.time >= BRAKED_AT - 1e-9 else 0.0
+        controls.pressure[:braked] = test.pressure if sense.time >= BRAKED_AT - 1e-9 else 0.0
         return sense.speed > STOP_SPEED
 
     length = sum(car.length for car in train.cars)
@@ -154,17 +152,16 @@ def record(test: RunningTest, train: Train, day: int | None) -> Measured:
 
     def sampled(values: Floats) -> Floats:
         sections = butter(4, CUT_OFF * 2.0 * RECORD, output="sos")
-        start = sosfilt_zi(sections)[..., None] * values[0]
+        start = np.multiply.outer(sosfilt_zi(sections), values[0])
         return np.asarray(sosfilt(sections, values, axis=0, zi=start)[0][::every])
 
-    bogies = [car.bogie_of_axle[-1] + 1 for car in train.cars]
-    foremost = np.cumsum([0, *bogies[:-1]])
+    foremost = np.cumsum([0, *(car.brake_groups for car in train.cars[:-1])])
     inertia, radius = np.array([[sum(car.wheel_inertia), car.wheel_radius] for car in train.cars]).T
     of_car = run["axle_car"].values[None, :] == np.arange(run.sizes["car"])[:, None]
     at_rail = -run["rail_force"].values @ of_car.T
     truth = at_rail - inertia / radius**2 * run["car_acceleration"].values
     bare = np.array([car.mass for car in train.cars])
-    speed = sampled(run["car_speed"].values[:, :1])[:, 0]
+    speed = sampled(run["car_speed"].values[:, 0])
     acceleration = sampled(run["car_acceleration"].values)
     coupler = sampled(run["coupler_force"].values)
     pressure = sampled(run["cylinder_pressure"].values[:, foremost])
@@ -180,10 +177,9 @@ def record(test: RunningTest, train: Train, day: int | None) -> Measured:
         coupler = gains * coupler + zeros + COUPLER_NOISE * draw(coupler.shape)
         pressure = pressure + PRESSURE_NOISE * draw(pressure.shape)
     mass = rolling_mass(bare, inertia, radius)
-    formulas = build(train, Rail(DRY)).structure.car_resistance
+    formulas = structure_of(train)[0].car_resistance
     resistance = np.stack([running_resistance(speed, a, b, c, 1.0) for a, b, c in formulas], axis=1)
-    time = run["time"].values[::every]
-    true = sampled(truth)
+    time, true = run["time"].values[::every], sampled(truth)
     return Measured(time, speed, acceleration, coupler, pressure, mass, resistance, true)
 
 
@@ -238,16 +234,9 @@ def measure(name: str, day: int) -> tuple[Measured, Estimated]:
 def run(name: str, day: int) -> Row:
     """Numbers of a test, forces in kN: those that its findings need."""
     m, e = measure(name, day)
-    row = errors(m, e)
-    if name in ("locomotive", "all"):
-        row |= settling(m, e)
-    if name == "locomotive":
-        row |= shock(m, e)
-    if name == "all":
-        row |= spikes(m, e)
-    if name == "emergency":
-        row |= against_theory(TESTS[name], e)
-    return {key: float(value) for key, value in row.items()}
+    more = {"locomotive": (settling, shock), "all": (settling, spikes), "emergency": (theory,)}
+    found = [part(m, e) for part in (errors, *more.get(name, ()))]
+    return {key: float(value) for row in found for key, value in row.items()}
 
 
 SECOND = round(1.0 / PERIOD)
@@ -261,11 +250,9 @@ def rms(values: Floats) -> float:
 
 def errors(m: Measured, e: Estimated) -> Row:
     """Error of the wagons' sum in the window: at an instant and of the mean, by the report's rule and with the remedies."""
-    w, true = e.window, m.wagons()
-    noise = (ACCELERATION_NOISE, COUPLER_NOISE)
-    smoothed, _ = smooth_brake_forces(
-        m.acceleration, m.coupler, m.mass, PERIOD, *noise, resistance=m.resistance
-    ).total(slice(1, None))
+    w, true, known = e.window, m.wagons(), (m.acceleration, m.coupler, m.mass, PERIOD)
+    smooth = smooth_brake_forces(*known, ACCELERATION_NOISE, COUPLER_NOISE, resistance=m.resistance)
+    smoothed, _ = smooth.total(slice(1, None))
     row: Row = {"mean": e.wagons[w].mean() / 1e3, "force": true[w].mean() / 1e3}
     for key, found in (("first", e.wagons), ("own", e.own), ("smooth", smoothed)):
         error = (found - true)[w] / 1e3
@@ -291,10 +278,7 @@ def settling(m: Measured, e: Estimated) -> Row:
     row: Row = {"locomotive": e.locomotive[steady:end].mean() / 1e3}
     for who, error in (("locomotive", locomotive), ("wagons", wagons)):
         row |= {f"{who}_before": rms(error[start:at]), f"{who}_after": rms(error[at:end])}
-    if at < end:
-        row["settled"] = m.time[at] - BRAKED_AT
-        row["wagons_mean_after"] = e.wagons[at:end].mean() / 1e3
-    return row
+    return row | {"wagons_mean_after": e.wagons[at:end].mean() / 1e3 if at < end else math.nan}
 
 
 CONTACT = 5e3
@@ -314,7 +298,6 @@ def shock(m: Measured, e: Estimated) -> Row:
 
     late = slice(end - 10 * SECOND, end)
     return {
-        "shock": -first[peak] / 1e3,
         "shock_ratio": first[peak] / steady[peak],
         "swing_early": swing(slice(contact, contact + 4 * SECOND)),
         "swing_late": swing(late),
@@ -330,14 +313,10 @@ def spikes(m: Measured, e: Estimated) -> Row:
     pressed = np.abs(first) > CONTACT
     beside = a[:, :2] - (a @ m.mass / m.mass.sum())[:, None]
     opposite = beside[:, 0] * beside[:, 1] < 0.0
-    edges = np.diff(np.concatenate([[False], pressed, [False]]).astype(int))
-    parts = np.flatnonzero(edges).reshape(-1, 2)
-    peaks = [start + int(np.argmax(np.abs(first[start:end]))) for start, end in parts]
+    peaks = [start + int(np.argmax(np.abs(first[start:end]))) for start, end in spans(pressed)]
     return {
         "coupler_median": np.median(np.abs(first)) / 1e3,
         "coupler_peak": np.abs(m.coupler[: w.stop, 0]).max() / 1e3,
-        "spikes": len(peaks),
-        "spike_share": pressed.mean(),
         "error_in_spikes": rms(error[pressed]),
         "error_between": rms(error[~pressed]),
         "opposite_at_spikes": opposite[peaks].mean() if peaks else math.nan,
@@ -345,19 +324,16 @@ def spikes(m: Measured, e: Estimated) -> Row:
     }
 
 
-def against_theory(test: RunningTest, e: Estimated) -> Row:
+def theory(m: Measured, e: Estimated) -> Row:
     """Wagons' sum against (8) and first wagon against (7): over the window, and the worst of its thirds."""
-    w, row = e.window, {}
-    theory = e.theory[w]
-    for key, found, believed in (
-        ("sum", e.wagons[w], test.wagons * theory),
-        ("wagon", e.wagon[w], theory),
-    ):
+    begin, _, end = np.array_split(e.theory[e.window], 3)
+    row = {"theory_growth": end.mean() / begin.mean()}
+    for key, estimated, wagons in (("sum", e.wagons, m.mass.size - 1), ("wagon", e.wagon, 1)):
+        found, believed = estimated[e.window], wagons * e.theory[e.window]
         thirds = zip(np.array_split(found, 3), np.array_split(believed, 3), strict=True)
         row[f"{key}_over_theory"] = found.mean() / believed.mean()
         row[f"{key}_off"] = max(abs(one.mean() / other.mean() - 1.0) for one, other in thirds)
-    begin, _, end = np.array_split(theory, 3)
-    return row | {"theory_growth": end.mean() / begin.mean()}
+    return row
 
 
 # what was found
@@ -448,24 +424,6 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
     return told.join(found[list(words)].rename(columns=words).reset_index(drop=True))
 
 
-def figure(rows: pd.DataFrame) -> Figure:
-    """Errors of the wagons' sum on every day, without and with remedies."""
-    found, drawn = days(rows), Figure(figsize=(5.0, 3.0), layout="constrained")
-    axes = drawn.subplots()
-    looks = (("locomotive", "tab:blue"), ("all", "tab:orange"), ("emergency", "black"))
-    for shift, (name, colour) in zip((-0.2, 0.0, 0.2), looks, strict=True):
-        for k, key in enumerate(REMEDIES):
-            values = found[key, name]
-            label = f"{name} ({TESTS[name].wagons} wagons)" if k == 0 else None
-            axes.plot(np.full(len(values), k + shift), values, "_", color=colour, alpha=0.5)
-            axes.plot(k + shift, values.mean(), "o", color=colour, label=label)
-    axes.set(yscale="log", ylim=(0.1, None), ylabel="error of the wagons' sum [kN]")
-    axes.set_yticks([0.1, 1.0, 10.0, 100.0], labels=["0.1", "1", "10", "100"])
-    axes.set_xticks(range(len(REMEDIES)), labels=list(REMEDIES.values()))
-    axes.legend()
-    return drawn
-
-
 def cells(events: int, seed: int) -> list[Cell]:
     """Every test on each of `events` days."""
     return [
@@ -475,13 +433,5 @@ def cells(events: int, seed: int) -> list[Cell]:
     ]
 
 
-STUDY = Study(
-    "rtri",
-    "Does the brake force of each car follow from coupler forces and accelerations, as the RTRI report found?",
-    cells,
-    run,
-    table,
-    figure,
-    statements,
-    events=60,
-)
+QUESTION = "Does the brake force of each car follow from coupler forces and accelerations, as the RTRI report found?"
+STUDY = Study("rtri", QUESTION, cells, run, table, statements=statements, events=60)

@@ -67,17 +67,11 @@ class Increments(Keys):
 
     def of(self, axles: int, path: str) -> tuple[float, ...] | None:
         """One increment per axle from the front, None for none; `path` is the table's in the file."""
-        if self.values is not None and len(self.values) != axles:
-            raise StudyError(
-                f"{path}.values: give one per axle, {axles} in place of {len(self.values)}"
-            )
+        if self.values is not None and (given := len(self.values)) != axles:
+            raise StudyError(f"{path}.values: give one per axle, {axles} in place of {given}")
         if self.law != "logarithmic":
             return self.values
         return tuple(plant.logarithmic_increments(axles, self.slope, self.offset).tolist())
-
-
-def _curve_kinds(said: Schema) -> None:
-    said["enum"] = list(CURVES)
 
 
 class Curve(Keys):
@@ -85,21 +79,22 @@ class Curve(Keys):
 
     model_config = ConfigDict(extra="allow")
 
-    kind: str = Field(default="piecewise", json_schema_extra=_curve_kinds)
+    kind: str = Field(default="piecewise", json_schema_extra=lambda it: it.update(enum=[*CURVES]))
     """Name of the curve; the other keys are its parameters. Source: piecewise: readhesion paper (1)-(6)."""
 
     @model_validator(mode="after")
     def _has_its_parameters(self) -> "Curve":
         known = [one.name for one in fields(CURVES.find(self.kind))]
-        for key, value in (self.model_extra or {}).items():
+        for key, value in self._given().items():
             if key not in known:
-                raise ValueError(
-                    f"{key} is no parameter of the {self.kind} curve{near(key, known)}"
-                )
-            fault = value is not None and number_fault(value, negative=True)
-            if fault := fault or keys.range_fault(key, value):
+                hint = near(key, known)
+                raise ValueError(f"{key} is no parameter of the {self.kind} curve{hint}")
+            if fault := number_fault(value, negative=True) or keys.range_fault(key, value):
                 raise ValueError(f"{key} = {value!r:.60} {fault}")
         return self
+
+    def _given(self) -> dict[str, Any]:
+        return {key: one for key, one in (self.model_extra or {}).items() if one is not None}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> Schema:
@@ -109,17 +104,15 @@ class Curve(Keys):
         curve: Any
         for name, curve in CURVES.items():
             for one in fields(curve):
-                said = schema["properties"].setdefault(
-                    one.name, {"type": "number", "description": ""}
-                )
+                said = {"type": "number", "description": ""}
+                said = schema["properties"].setdefault(one.name, said)
                 said["description"] += f"{name}: {meanings(curve)[one.name].text} "
         return made
 
     def curve(self, path: str) -> AdhesionCurve:
         """The plant's curve; `path` is the table's in the file."""
-        given = {key: one for key, one in (self.model_extra or {}).items() if one is not None}
         with in_words_of(self, path):
-            return CURVES[self.kind](**given)
+            return CURVES[self.kind](**self._given())
 
 
 class RailKeys(Keys):
@@ -155,9 +148,8 @@ class RailKeys(Keys):
         rail: plant.Rail = built(self, "rail", increments=increments, curve=curve, seed=seed)
         bare = replace(rail, increments=None, scatter=0.0, conditioning=0.0)
         if (most := bare.greatest_peak()) > MOST_COEFFICIENT:
-            raise StudyError(
-                f"rail: level, speed_law and patches give a coefficient of {most:.3g}; at most 1 is possible"
-            )
+            told = f"give a coefficient of {most:.3g}; at most 1 is possible"
+            raise StudyError(f"rail: level, speed_law and patches {told}")
         return replace(rail, level=factor * rail.level)
 
 
@@ -180,9 +172,8 @@ class LineKeys(Keys):
         """The plant's line."""
         if not self.sections:
             return plant.Line()
-        start, grade = (
-            tuple(one.si()[name] for one in self.sections) for name in ("start", "grade")
-        )
+        rows = [one.si() for one in self.sections]
+        start, grade = (tuple(row[name] for row in rows) for name in ("start", "grade"))
         with in_words_of(self, "line.sections"):
             return plant.Line(start, grade)
 
@@ -305,17 +296,18 @@ class OnboardKeys(_Equipment):
 
     def onboard(self, belief: Belief, seed: int) -> Onboard:
         """The equipment of a train with this belief; `seed` draws the errors of its sensors."""
-        hosted = {
-            name: built(one, f"onboard.{name.replace('-', '_')}")
-            for name, one in self.hosted.items()
-        }
+        hosted = {name: built(one, f"onboard.{_table(name)}") for name, one in self.hosted.items()}
         made: Onboard = built(self, "onboard", belief=belief, hosted=hosted)
         return replace(made, sensors=replace(made.sensors, seed=seed))
 
 
+def _table(controller: str) -> str:
+    return controller.replace("-", "_")
+
+
 def _hosted_controllers() -> dict[str, str]:
     """Name of the table, and of the controller."""
-    return {name.replace("-", "_"): name for name in CONTROLLERS if name not in BUILT_IN}
+    return {_table(name): name for name in CONTROLLERS if name not in BUILT_IN}
 
 
 def _settings_of(controller: str) -> Any:
@@ -326,9 +318,37 @@ def _settings_of(controller: str) -> Any:
 
 # the event
 
+MOST_OF_EFFORT = 1.5
+"""Effort that is asked for over the most that the motors give; beyond, it is hardly meant."""
+
+
+def remarks(event: Event) -> Iterator[str]:
+    """What is possible in an event, but hardly meant: a sentence for each, which names the key."""
+    train, eq, step = event.model.train, event.equipment, 0.05
+    asked = event.command.sampled(np.arange(0.0, event.duration, step))
+    if not asked.any():
+        yield f"command: none asks for an acceleration before the end, duration_s = {event.duration:g}"
+    motors = float((eq.drive_table.max(axis=1, initial=0.0) * eq.axles * eq.gear / eq.radius).sum())
+    motors /= train.mass + train.rotating_mass
+    for k, one in enumerate(event.command.accelerations, 1):
+        key, needed = f"command[{k}].acceleration_kmhs = {3.6 * one:.6g}", -one * eq.brake_share
+        if needed > MOST_COEFFICIENT:
+            yield f"{key} needs a coefficient of {needed:.3g}; no rail has more than 1"
+        if one > MOST_OF_EFFORT * motors:
+            yield f"{key} is beyond the motors, which reach {3.6 * motors:.3g} on a level line"
+    downhill = GRAVITY * max(0.0, -min(event.model.line.grades))
+    speed = event.initial_speed + step * np.cumsum(np.maximum(asked, 0.0) + downhill)
+    head = event.initial_position + step * float(speed.sum())
+    tail = event.initial_position - sum(car.length for car in train.cars)
+    for k, patch in enumerate(event.model.rail.patches, 1):
+        if patch.start - patch.edge > head or patch.end + patch.edge < tail:
+            yield f"rail.patches[{k}]: no axle is ever between start_m = {patch.start:g} and end_m = {patch.end:g}"
+        if patch.begin - patch.fade > event.duration or patch.until + patch.fade < 0.0:
+            yield f"rail.patches[{k}]: the run is not between begin_s = {patch.begin:g} and until_s = {patch.until:g}"
+
 
 def _train_names(said: Schema) -> None:
-    said |= {"anyOf": [{"enum": list(SETS)}, {"type": "string", "pattern": r"\.toml$"}]}
+    said["anyOf"] = [{"enum": [*SETS]}, {"type": "string", "pattern": r"\.toml$"}]
 
 
 @displayed
@@ -439,25 +459,18 @@ class Scenario(Keys):
         if self.load_t is not None:
             with in_words_of(self, "load_t"):
                 train = train.loaded(tuple(1e3 * load for load in self.load_t))
-        changes = (self.motors.si() if self.motors else {}) | (
-            {} if self.inverter_group is None else {"group": self.inverter_group}
-        )
+        changes = self.motors.si() if self.motors else {}
+        changes |= {"group": self.inverter_group} if self.inverter_group else {}
         if changes or self.load_transfer:
-            cars = tuple(
-                replace(one, motors=one.motors and replace(one.motors, **changes))
-                for one in train.cars
-            )
-            train = replace(train, cars=cars, load_transfer=self.load_transfer)
+            cars = [(one, one.motors and replace(one.motors, **changes)) for one in train.cars]
+            changed = tuple(replace(one, motors=motors) for one, motors in cars)
+            train = replace(train, cars=changed, load_transfer=self.load_transfer)
         return train.reversed() if self.reversed else train
 
     def changed(self, **values: Any) -> "Scenario":
         """With other values of keys, checked again; a table replaces the table. Raises `StudyError`."""
         given = self.model_dump(mode="json", exclude_unset=True)
         return parse(given | values, f"scenario {self.name!r}")
-
-    def remarks(self, event: Event) -> list[str]:
-        """What is possible in `event`, but hardly meant: a sentence for each, which names the key."""
-        return list(_remarks(event))
 
     @property
     def text(self) -> str:
@@ -491,34 +504,6 @@ def _again(text: str) -> Scenario:
 @lru_cache(maxsize=32)
 def _digest(train: Train) -> str:
     return hashlib.sha256(canonical(train).encode()).hexdigest()[:16]
-
-
-MOST_OF_EFFORT = 1.5
-"""Effort that is asked for over the most that the motors give; beyond, it is hardly meant."""
-
-
-def _remarks(event: Event) -> Iterator[str]:
-    train, eq, step = event.model.train, event.equipment, 0.05
-    asked = event.command.sampled(np.arange(0.0, event.duration, step))
-    if not asked.any():
-        yield f"command: none asks for an acceleration before the end, duration_s = {event.duration:g}"
-    motors = float((eq.drive_table.max(axis=1, initial=0.0) * eq.axles * eq.gear / eq.radius).sum())
-    motors /= train.mass + train.rotating_mass
-    for k, one in enumerate(event.command.accelerations, 1):
-        key, needed = f"command[{k}].acceleration_kmhs = {3.6 * one:.6g}", -one * eq.brake_share
-        if needed > MOST_COEFFICIENT:
-            yield f"{key} needs a coefficient of {needed:.3g}; no rail has more than 1"
-        if one > MOST_OF_EFFORT * motors:
-            yield f"{key} is beyond the motors, which reach {3.6 * motors:.3g} on a level line"
-    downhill = GRAVITY * max(0.0, -min(event.model.line.grades))
-    speed = event.initial_speed + step * np.cumsum(np.maximum(asked, 0.0) + downhill)
-    head = event.initial_position + step * float(speed.sum())
-    tail = event.initial_position - sum(car.length for car in train.cars)
-    for k, patch in enumerate(event.model.rail.patches, 1):
-        if patch.start - patch.edge > head or patch.end + patch.edge < tail:
-            yield f"rail.patches[{k}]: no axle is ever between start_m = {patch.start:g} and end_m = {patch.end:g}"
-        if patch.begin - patch.fade > event.duration or patch.until + patch.fade < 0.0:
-            yield f"rail.patches[{k}]: the run is not between begin_s = {patch.begin:g} and until_s = {patch.until:g}"
 
 
 # files
@@ -585,7 +570,9 @@ SCHEMA = "scenario.schema.json"
 
 def schema(kind: Literal["scenario", "train"] = "scenario") -> Schema:
     """JSON schema (2020-12) of a file, with the parts of plug-ins."""
-    return keys.schema_of(Scenario if kind == "scenario" else TrainKeys, f"readhesion {kind}")
+    table = Scenario if kind == "scenario" else TrainKeys
+    dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return dialect | table.model_json_schema() | {"title": f"readhesion {kind}"}
 
 
 def new_scenario(name: str, like: str = "wet-start", folder: str | Path = ".") -> Path:

@@ -5,12 +5,15 @@ judged together share the risk of being wrong once (Holm 1979).
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy  # loads `stats` when it is needed: it takes half a second
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 CONFIDENCE = 0.95
 FEWEST = 10
@@ -78,11 +81,15 @@ def mean(values: Any, confidence: float = CONFIDENCE) -> Interval:
 
 def ratio(values: Any, base: Any, confidence: float = CONFIDENCE) -> Interval:
     """Sum of the values over the sum of their base, both one per event; the interval is that of the linearised ratio."""
-    x, y = np.asarray(values, dtype=float), np.asarray(base, dtype=float)
-    if not x.size:
-        return mean(x)
-    whole = x.sum() / y.sum()
-    return mean(whole + (x - whole * y) / y.mean(), confidence)
+    return mean(linearised(values, base), confidence)
+
+
+def linearised(values: Any, base: Any) -> Any:
+    """Numbers whose mean is the sum of the values over that of their base, and which spread as this ratio does."""
+    if not len(values):
+        return values
+    whole = values.sum() / base.sum()
+    return whole + (values - whole * base) / base.mean()
 
 
 def share(true: Any, confidence: float = CONFIDENCE) -> Interval:
@@ -106,6 +113,41 @@ def _student(x: Floats, confidence: float) -> tuple[float, float]:
     return float(low), float(high)
 
 
+Numbers = Mapping[str, tuple[str, int, float]]
+"""Heading -> column of rows, digits, scale."""
+
+
+def means(rows: pd.DataFrame, numbers: Numbers, other: str = "") -> dict[str, str]:
+    """Means of columns as texts by their headings; less, row by row, those of column_other where an `other` is named."""
+    found = {}
+    for words, (name, digits, scale) in numbers.items():
+        less = rows[f"{name}_{other}"] if other else 0.0
+        found[words] = mean(rows[name] - less).text(digits, scale, sign=bool(other))
+    return found
+
+
+def forest(
+    axes: "Axes",
+    rows: Mapping[str, Sequence[Interval]],
+    parts: Mapping[str, Any] = {},
+    bound: float | None = None,
+) -> None:
+    """Draw a row for each name, in its colour among `parts`: means with intervals, a circle and a hollow square.
+
+    `bound`: where a line stands that intervals are compared with.
+    """
+    for j, (name, several) in enumerate(rows.items()):
+        colour = parts[name].colour if name in parts else "0.2"
+        for k, one in enumerate(several):
+            x, y = (one.low, one.value, one.high), [j + 0.25 * k] * 3
+            face = "white" if k else colour
+            axes.plot(x, y, "os"[k] + "-", color=colour, mfc=face, markevery=[1])
+    axes.set_yticks(np.arange(len(rows)) + 0.125, rows)
+    axes.set_ylim(len(rows) - 0.4, -0.4)
+    if bound is not None:
+        axes.axvline(bound, color="0.5", linewidth=0.8)
+
+
 # claims and what becomes of them
 
 
@@ -120,11 +162,16 @@ class Claim(NamedTuple):
     most: float = np.inf
     parts: Mapping[str, Any] = {}
     """Parts of the events by words, as truth on the index of `values`: where the claim fails in one, it has conditions."""
-    besides: Sequence[tuple[str, Any, float, float]] = ()
-    """What it implies too, over the same events: words, values, least, most."""
+    besides: "Sequence[Claim]" = ()
+    """What it implies too, over the same events."""
     digits: int = 3
     scale: float = 1.0
     """Digits and scale in which its numbers are told."""
+
+    @property
+    def bound(self) -> float:
+        """The one that decides."""
+        return self.least if np.isfinite(self.least) else self.most
 
 
 HOLDS = "holds"
@@ -170,9 +217,10 @@ def _judged(claim: Claim, x: Floats, alpha: float) -> Statement:
     if whole > 0:
         wrong = [f"not with {name}: {found.told(mean(parts[name]))}"
                  for name, side in sides.items() if side < 0]  # fmt: skip
-        for words, others, least, most in claim.besides:
-            if _side(_finite(others), least, most, 1 - CONFIDENCE) < 0:
-                wrong.append(f"not besides, {words}: {found.told(mean(others))}")
+        for one in claim.besides:
+            if _side(_finite(one.values), one.least, one.most, 1 - CONFIDENCE) < 0:
+                told = mean(one.values).text(one.digits, one.scale)
+                wrong.append(f"not besides, {one.text}: {told}")
         return found._replace(verdict=CONDITIONS if wrong else HOLDS, conditions=tuple(wrong))
     right = [f"with {name}: {found.told(mean(parts[name]))}"
              for name, side in sides.items() if side > 0]  # fmt: skip
@@ -192,10 +240,9 @@ def _p_value(x: Floats, claim: Claim) -> float:
     """Of the bound that decides; nan where there is no verdict."""
     if x.size < FEWEST:
         return np.nan
-    bound = claim.least if np.isfinite(claim.least) else claim.most
     if not np.ptp(x):
-        return float(x[0] == bound)
-    return float(scipy.stats.ttest_1samp(x, bound).pvalue)
+        return float(x[0] == claim.bound)
+    return float(scipy.stats.ttest_1samp(x, claim.bound).pvalue)
 
 
 def holm(p: Floats) -> Floats:

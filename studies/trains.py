@@ -12,9 +12,9 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from alloc.plant.sets import train_of
-from alloc.plant.train import Coupler, InverterGroup, MotorKind, Train
+from alloc.plant.train import AirBrake, Car, Coupler, InverterGroup, MotorKind, Train
 from studies import StudyError
-from studies.keys import Keys, checked, in_words_of, read_toml, told_of
+from studies.keys import Keys, checked, in_words_of, keys_of, read_toml, told_of
 
 
 def read_train(path: str | Path) -> Train:
@@ -28,9 +28,8 @@ def train_keys(path: str | Path) -> "TrainKeys":
         found = checked(TrainKeys, read_toml(path))
         for kind in found.formation:
             if kind not in found.car:
-                raise StudyError(
-                    f"key 'formation' = {found.formation!r:.60}: there is no [car.{kind}]"
-                )
+                told = f"key 'formation' = {found.formation!r:.60}: there is no [car.{kind}]"
+                raise StudyError(told)
         for kind, car in found.car.items():
             with in_words_of(car, f"car.{kind}"):
                 _ = found.model_copy(update={"formation": kind}).train
@@ -87,25 +86,23 @@ class MotorKeys(MotorChange):
             if None in formula:
                 raise ValueError("give torque_nm and power_kw, or effort_speed_kmh and effort_kn")
         elif any((*formula, self.pull_out_speed_kmh, self.planned_adhesion)):
-            raise ValueError(
-                "effort_kn takes the place of torque_nm, power_kw, pull_out_speed_kmh and planned_adhesion"
-            )
+            others = "torque_nm, power_kw, pull_out_speed_kmh and planned_adhesion"
+            raise ValueError(f"effort_kn takes the place of {others}")
         elif len(speeds) != len(efforts) or len(speeds) < 2:
-            raise ValueError(
-                f"{len(speeds)} effort_speed_kmh and {len(efforts)} effort_kn; give as many, 2 or more"
-            )
+            given = f"{len(speeds)} effort_speed_kmh and {len(efforts)} effort_kn"
+            raise ValueError(f"{given}; give as many, 2 or more")
         elif any(b <= a for a, b in pairwise((-1e-9, *speeds))) or min(efforts) < 0.0:
-            raise ValueError(
-                "effort_speed_kmh must grow from 0 or more, and effort_kn must not be negative"
-            )
+            raise ValueError("effort_speed_kmh must grow from 0 or more, effort_kn not be negative")
         return self
 
 
 class AirBrakeKeys(Keys):
     """Friction brake of a kind of car."""
 
+    record = AirBrake
+    renamed: ClassVar = {"pressure": "maximum_pressure", "lag": "fill_time"}
+
     pressure_kpa: float = Field(gt=0.0)
-    """Greatest pressure of the cylinders."""
     force_kn: float = Field(ge=0.0)
     """Force of one axle at the rim, at that pressure."""
     lag_s: float = Field(default=1.2, gt=0.0)
@@ -113,27 +110,19 @@ class AirBrakeKeys(Keys):
     release_lag_s: float | None = Field(default=None, gt=0.0)
     """Time constant of releasing the cylinders. Left out: lag_s."""
     dead_time_s: float = Field(default=0.05, ge=0.0)
-    """Time from the command to the first change of pressure. Source: assumed."""
     pipe_wave_m_per_s: float | None = Field(default=None, gt=0.0)
     """Speed at which the command runs along the brake pipe from the train's head. Left out: it is everywhere at once."""
     friction: tuple[float, float, float] = (0.0, 1.0, 1.0)
     """Friction over the speed, a, b and c of a / (V + b) + c with V in km/h, relative to that with which force_kn holds."""
 
 
-class CouplerKeys(Keys):
-    """Linear draft gear between all cars."""
-
-    record = Coupler
-
-    stiffness_n_per_m: float | None = Field(default=None, gt=0.0)
-    stiffening_n_per_m3: float | None = Field(default=None, ge=0.0)
-    damping_ns_per_m: float | None = Field(default=None, ge=0.0)
-    slack_mm: float | None = Field(default=None, ge=0.0)
+_Coupler: Any = keys_of(Coupler)
 
 
 class CarKeys(Keys):
     """A kind of car: `[car.X]`, X the letter that stands for it in the formation."""
 
+    record = Car
     renamed: ClassVar = {"mass": "empty_mass"}
 
     length_m: float = Field(gt=0.0)
@@ -141,9 +130,7 @@ class CarKeys(Keys):
     mass_t: float = Field(gt=0.0)
     """Empty mass."""
     load_t: float = Field(default=0.0, ge=0.0)
-    """Pay load."""
     axle_positions_m: tuple[float, ...] = Field(max_length=64)
-    """Distance of each axle from the car's front end, growing."""
     bogie_of_axle: tuple[int, ...] = Field(max_length=64)
     """Number of each axle's bogie, from 0."""
     wheel_radius_m: float = Field(ge=0.1, le=2.0)
@@ -156,9 +143,7 @@ class CarKeys(Keys):
     """Share of the car's weight on each axle; in sum below 1 where axles that are not modelled carry the rest. Left out:
     equal shares."""
     pivot_height_m: float | None = Field(default=None, ge=0.0)
-    """Height above the rail at which bogies pull the body, for load transfer. Left out: 0.5 m."""
     speed_sensors: bool = True
-    """Whether the train's computers know the speed of its axles."""
     motors: MotorKeys | None = None
     """Traction motors. Left out: none."""
     air_brake: AirBrakeKeys | None = None
@@ -180,7 +165,7 @@ class TrainKeys(Keys):
     """Running resistance of the train over the speed, B."""
     resistance_ns2_per_m2: float = Field(default=0.0, ge=0.0)
     """Running resistance of the train over the square of the speed, C."""
-    coupler: CouplerKeys | None = None
+    coupler: _Coupler | None = None
     """Draft gear between all cars. Left out: a rigid train."""
     source: str = ""
     """Where its figures come from."""

@@ -1,5 +1,6 @@
-"""README and pages: their Python runs, their commands parse, their links lead somewhere, README's numbers are stored."""
+"""README and pages: Python runs, commands parse, links and places in the code exist, README's numbers are stored."""
 
+import csv
 import os
 import re
 import shlex
@@ -7,6 +8,7 @@ import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
+from pydoc import locate
 
 import pytest
 
@@ -94,8 +96,26 @@ def test_links_lead_somewhere(page):
             assert not anchor or anchor in anchors(path.read_text("utf-8")), target
 
 
+@pytest.mark.parametrize(
+    "source", sorted((ROOT / "docs/sources").glob("*.csv")), ids=lambda path: path.stem
+)
+def test_places_of_a_source_exist(source):
+    known = {"figure": all_figures(), "sweep": STUDIES, "page": os.listdir(ROOT / "docs")}
+    with source.open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            kind, _, name = row["where"].partition(" ")
+            if name:
+                assert name in known[kind], row
+            elif "/" in kind:
+                assert (ROOT / kind).exists(), row
+            else:
+                assert kind == "-" or locate(kind) is not None, row
+
+
 SHIPPED, STARTS, BROAD, CLAIMS = "compare-table", "ladder-table", "broad-table", "claims-statements"
+ROOM = "headroom-table"
 POINTS, USED = ("gain", "gain_low", "gain_high"), ("used",)
+BOUND = ("bound used [%]",)
 DAMAGE = ("damage", "damage_low", "damage_high")
 GAIN, SHORT, MEAN = (
     ("gain over alone [points]",),
@@ -111,6 +131,26 @@ NUMBERS = {
     "use the same {:.1f} %": (SHIPPED, "perturb-observe qp", USED, 100),
     "It uses {:.1f} %, and": (SHIPPED, "perturb-observe uniform", USED, 100),
     "causes {:.0f} kJ [{:.0f}, {:.0f}]": (SHIPPED, "perturb-observe uniform", DAMAGE, 1),
+    "On {:.0f} random starts `cooperative`": (
+        "headroom-statements",
+        "cooperative, perturb-observe",
+        ("events",),
+        1,
+    ),
+    "uses {:.1f} % under perturb-observe, where": (ROOM, "perturb-observe cooperative", BOUND, 1),
+    "no sharing uses {:.1f} %": (ROOM, "perturb-observe alone", BOUND, 1),
+    "gains {:.1f} % of the headroom": (
+        ROOM,
+        "perturb-observe cooperative",
+        ("headroom gained [%]",),
+        1,
+    ),
+    "{:.0f} kJ [{:.0f}, {:.0f}] more wheel damage, because": (
+        ROOM,
+        "perturb-observe cooperative",
+        ("wheel damage Q [kJ]",),
+        1,
+    ),
     "gains {:.2f} points [{:.2f}, {:.2f}]": (BROAD, "perturb-observe cooperative", GAIN, 1),
     "loses {:.1f} ": (BROAD, "perturb-observe greedy", GAIN, -1),
     "reaches {:.1f} % [{:.1f}, {:.1f}]": (CLAIMS, "a: greedy-printed under cut-and-ramp", MEAN, 1),

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from alloc.metrics import METRICS
+from paper_figs.sharing import FIGURES
 from studies import braking, broad, claims, events, headroom, ladder
 from studies.core import BOOKKEEPING, markdown, run_study
-from studies.runs import run
+from studies.runs import cell, run
 from studies.statistics import statement_table
 
 STYLE = Path(__file__).parents[2] / "paper_figs" / "readhesion.mplstyle"
@@ -102,10 +103,13 @@ def test_a_draw_is_as_likely_as_it_says():
 
 def test_all_deviations_taken_back_are_the_printed_patent(monkeypatch):
     monkeypatch.setattr(braking, "DURATION", 8.0)
-    stop = one = braking.event(90, 0)
+    stop, made = (
+        braking.event(90, 0),
+        cell(braking.event(90, 0), claims.CORRECTED, "cut-and-ramp", 0),
+    )
     for arm, keys in braking.AS_PRINTED.items():
-        one = claims.taken_back(one, arm, keys, "cut-and-ramp", 0).args[0]
-    arms = ((one, claims.CORRECTED), (stop, claims.PRINTED), (stop, claims.CORRECTED))
+        made = claims.taken_back(made, arm, keys)
+    arms = ((made.args[0], claims.CORRECTED), (stop, claims.PRINTED), (stop, claims.CORRECTED))
     together, printed, corrected = (run(*both, "cut-and-ramp", 0)["damage"] for both in arms)
     assert together == printed != corrected
 
@@ -131,5 +135,6 @@ def test_a_small_run(module, tmp_path, monkeypatch):
     found = statement_table(study.statements(rows))
     assert set(found["verdict"]) == {"too few events"}
     assert found["name"].is_unique
+    figure = study.figure or (lambda rows: FIGURES[study.name].draw(rows))
     with mpl.rc_context(fname=STYLE):
-        study.figure(rows).savefig(tmp_path / "figure.pdf")
+        figure(rows).savefig(tmp_path / "figure.pdf")

@@ -40,8 +40,8 @@ def test_means_and_limit_cycle_of_a_known_swing():
     run = made(2.0 + growing, PLAN * (1.0 + 0.1 * growing))
     found = paper.indices(run, 0.125)
     assert (found["used"], found["utilisation"]) == pytest.approx((0.1, 0.8))
-    period, slip, torque, slips = paper.limit_cycle(run)
-    assert (period, slip, torque) == pytest.approx((0.65, 2.0, 0.2 * PLAN), rel=0.01)
+    period, slips = paper.limit_cycle(run)
+    assert period == pytest.approx(0.65, rel=0.01)
     assert (
         slips == 3
     )  # one before the first cycle, then those of half the size from 6.5 and 7.15 s on

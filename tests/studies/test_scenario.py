@@ -15,7 +15,16 @@ import pytest
 from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS, find_set
 from studies.core import StudyError
-from studies.scenario import SHIPPED, default_scenarios, load, new_scenario, parse, schema, shipped
+from studies.scenario import (
+    SHIPPED,
+    default_scenarios,
+    load,
+    new_scenario,
+    parse,
+    remarks,
+    schema,
+    shipped,
+)
 
 HASHES = {
     "failed-unit": ("4cdd8591", "86870c8f"), "failed-units": ("a9d4a091", "1c43da0c"),
@@ -330,13 +339,13 @@ def test_a_new_scenario_runs_as_it_stands_and_is_not_overwritten(tmp_path):
 ])  # fmt: skip
 def test_what_is_hardly_meant_gets_a_remark(path, value, words):
     scenario = parse({"name": "own"} | with_key(path, value), "own.toml")
-    said = " ".join(scenario.remarks(scenario.event(0)))
+    said = " ".join(remarks(scenario.event(0)))
     assert words in said if words else not said
 
 
 @pytest.mark.parametrize("name", shipped())
 def test_shipped_events_need_no_remark(name):
-    assert not load(name).remarks(load(name).event(3))
+    assert not list(remarks(load(name).event(3)))
 
 
 def test_a_train_that_a_plug_in_brings_is_known_by_what_it_consists_of(monkeypatch):

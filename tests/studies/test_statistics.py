@@ -86,7 +86,7 @@ def test_verdicts():
         (Claim("e", "", x, most=2.0), HOLDS),
         (Claim("f", "", x, least=0.0, parts={"dry": ~wet, "wet": wet}), CONDITIONS if x[~wet].mean() < -0.3 else HOLDS),
         (Claim("g", "", x, least=1.2, parts={"wet": wet}), CONDITIONS),
-        (Claim("h", "", x, least=0.0, besides=[("cost", x, -np.inf, 0.0)]), CONDITIONS),
+        (Claim("h", "", x, least=0.0, besides=[Claim("", "cost", x, most=0.0)]), CONDITIONS),
     ):  # fmt: skip
         (found,) = judge([claim])
         assert found.verdict == verdict, claim.name
