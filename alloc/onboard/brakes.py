@@ -78,9 +78,9 @@ class Fuzzy:
     """Fuzzy inference on slip and slip rate; the rules are `alloc.onboard.laws.RULES`.
 
     JP4209318 discloses neither rules nor sets. These are one of several sets of numbers with which
-    `studies.slides.jp4209318` reaches its tables.
+    `studies.jp4209318` reaches its tables.
 
-    Source: JP4209318; one of the sets of `studies.slides.ensemble_study`.
+    Source: JP4209318; assumed, one of many sets that reach its tables.
     """
 
     sensitivity: float = quantity(SENSITIVITIES["medium"], "1", SENSITIVITIES)

@@ -1,6 +1,6 @@
 """Trains as data: the shipped sets, a TOML file each, and how a train follows from the keys of such a file.
 
-A user's own train has the same keys, so a shipped file is a template; `studies.scenario.train_file` checks it and says what
+A user's own train has the same keys, so a shipped file is a template; `studies.trains` checks it and says what
 each key means. The table `[sources]` says where values come from; "assumed" marks one without a source, with the reason why
 it is plausible.
 """
