@@ -1,1 +1,1 @@
-"""The train, what runs on board, and the rules that share adhesion among its cars."""
+"""The heart: tables, laws, plant, computers on board, rules, simulation."""

@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from alloc.metrics import evaluate
-from alloc.onboard.host import CONTROLLERS
-from alloc.plant.model import Model
-from alloc.plant.rail import patch_factor, window
-from alloc.rules import RULES
+from alloc.old.metrics import evaluate
+from alloc.old.onboard.host import CONTROLLERS
+from alloc.old.plant.model import Model
+from alloc.old.plant.rail import patch_factor, window
+from alloc.old.rules import RULES
 from paper_figs.style import NARROW, WIDE, Drawing
 from studies.runs import recorded
 from studies.scenario import load

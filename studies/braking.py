@@ -15,10 +15,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.plant.laws import GRAVITY
-from alloc.plant.model import structure_of
-from alloc.plant.train import Train
-from alloc.rules import RULES
+from alloc.old.plant.laws import GRAVITY
+from alloc.old.plant.model import structure_of
+from alloc.old.plant.train import Train
+from alloc.old.rules import RULES
 from studies import claims
 from studies import events as e
 from studies.claims import CONTROLLERS, CORRECTED, LAYERS

@@ -12,10 +12,10 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from alloc.plant.laws import hyperbolic_speed_law
-from alloc.plant.model import offered_by
-from alloc.plant.rail import SPEED_LAWS
-from alloc.rules import RULES
+from alloc.old.plant.laws import hyperbolic_speed_law
+from alloc.old.plant.model import offered_by
+from alloc.old.plant.rail import SPEED_LAWS
+from alloc.old.rules import RULES
 from studies import braking, claims, headroom, ladder
 from studies import events as e
 from studies.claims import CONTROLLERS

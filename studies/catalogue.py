@@ -4,11 +4,11 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
-from alloc.metrics import METRICS
-from alloc.onboard.host import CONTROLLERS
-from alloc.plant.adhesion import CURVES
-from alloc.plant.sets import SETS, find_set
-from alloc.rules import RULES
+from alloc.old.metrics import METRICS
+from alloc.old.onboard.host import CONTROLLERS
+from alloc.old.plant.adhesion import CURVES
+from alloc.old.plant.sets import SETS, find_set
+from alloc.old.rules import RULES
 from studies import StudyError
 from studies.core import Study
 from studies.plugins import load_plugins

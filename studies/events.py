@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from alloc.plant.adhesion import CURVES, CreepCurve
-from alloc.plant.model import level_for
-from alloc.plant.train import Train
-from alloc.units import unit_of
+from alloc.old.plant.adhesion import CURVES, CreepCurve
+from alloc.old.plant.model import level_for
+from alloc.old.plant.train import Train
+from alloc.old.units import unit_of
 from studies.scenario import Scenario
 
 Keys = dict[str, Any]

@@ -1,7 +1,7 @@
 """A slip event as an environment of Gymnasium: the agent is the readhesion controller of some units of the train, or of all.
 
-A step is a control period of `alloc.simulation`, so plant, sensors, telegrams and rule are those of every other run. Needs
-the extra `gym`. Importing this module registers the environment as ``readhesion/train-v0``.
+A step is a control period of `alloc.old.simulation`, so plant, sensors, telegrams and rule are those of every other run.
+Needs the extra `gym`. Importing this module registers the environment as ``readhesion/train-v0``.
 """
 
 from collections.abc import Sequence
@@ -11,13 +11,13 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from alloc.loop import CONTROL, NOTHING
-from alloc.onboard.controllers.base import torque_per_coefficient
-from alloc.onboard.controllers.collection import BUILT_IN, RESERVE
-from alloc.onboard.host import EachUnit, HostedController, TorqueDecision, UnitSense
-from alloc.plant.model import Floats
-from alloc.rules import find_rule
-from alloc.simulation import ControllerInPython, Simulation
+from alloc.old.loop import CONTROL, NOTHING
+from alloc.old.onboard.controllers.base import torque_per_coefficient
+from alloc.old.onboard.controllers.collection import BUILT_IN, RESERVE
+from alloc.old.onboard.host import EachUnit, HostedController, TorqueDecision, UnitSense
+from alloc.old.plant.model import Floats
+from alloc.old.rules import find_rule
+from alloc.old.simulation import ControllerInPython, Simulation
 from studies.core import StudyError
 from studies.scenario import Scenario, load
 

@@ -4,7 +4,7 @@ Table 2 gives train, brakes and cycle. The adhesion of Fig. 2, how sliding wheel
 the three sensitivities are not disclosed. Here they are 15 numbers (`Undisclosed`); Tables 3 and 4 print 8 different ones.
 So what follows shows that the model can do what the source reports, not that it is right. ``jp4209318_members.csv`` has 54
 sets that reach both tables, and one that was sought without the distance of two cars. For Q (28) of any record there is
-`alloc.estimation.wheel_damage.wheel_damage`, of plain arrays in SI units.
+`alloc.old.estimation.wheel_damage.wheel_damage`, of plain arrays in SI units.
 """
 
 from collections.abc import Iterator
@@ -19,18 +19,18 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from alloc.estimation.wheel_damage import wheel_damage
-from alloc.event import DriverCommand, Event
-from alloc.metrics.use import damage, distance, locked_time
-from alloc.onboard.brakes import Fuzzy, SlideProtection, Threshold
-from alloc.onboard.parameters import Braking, Onboard
-from alloc.plant.adhesion import SlipRatioCurve
-from alloc.plant.laws import GRAVITY
-from alloc.plant.model import build
-from alloc.plant.rail import Rail
-from alloc.plant.sets import find_set
-from alloc.plant.train import Train
-from alloc.simulation import simulate
+from alloc.old.estimation.wheel_damage import wheel_damage
+from alloc.old.event import DriverCommand, Event
+from alloc.old.metrics.use import damage, distance, locked_time
+from alloc.old.onboard.brakes import Fuzzy, SlideProtection, Threshold
+from alloc.old.onboard.parameters import Braking, Onboard
+from alloc.old.plant.adhesion import SlipRatioCurve
+from alloc.old.plant.laws import GRAVITY
+from alloc.old.plant.model import build
+from alloc.old.plant.rail import Rail
+from alloc.old.plant.sets import find_set
+from alloc.old.plant.train import Train
+from alloc.old.simulation import simulate
 from studies.core import Cell, Row, Study
 from studies.statistics import CONDITIONS, FAILS, HOLDS
 

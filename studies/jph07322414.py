@@ -22,13 +22,13 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from alloc.driving import Controls, TrainSense, drive
-from alloc.metrics.use import jerk
-from alloc.plant.laws import GRAVITY
-from alloc.plant.model import Structure, build, structure_of
-from alloc.plant.rail import Line, Rail
-from alloc.plant.sets import find_set
-from alloc.plant.train import EFFORT_SPEED_STEP, Train
+from alloc.old.driving import Controls, TrainSense, drive
+from alloc.old.metrics.use import jerk
+from alloc.old.plant.laws import GRAVITY
+from alloc.old.plant.model import Structure, build, structure_of
+from alloc.old.plant.rail import Line, Rail
+from alloc.old.plant.sets import find_set
+from alloc.old.plant.train import EFFORT_SPEED_STEP, Train
 from studies.core import WIDE, Cell, Row, Study
 from studies.statistics import Claim, Interval, Statement, forest, judge, mean
 
@@ -261,7 +261,7 @@ Learnt: the latter once it is learnt, claim 5, with I_FB or, as printed, alone."
 
 @dataclass(eq=False)
 class SpeedControl:
-    """A driver for `alloc.driving.drive` in a case of `CASES`: force I_FB + I_FF, at most what the motors give.
+    """A driver for `alloc.old.driving.drive` in a case of `CASES`: force I_FB + I_FF, at most what the motors give.
 
     I_FB by PI control if `integral`, else by P control; `seed` of the measured speed's noise, None for no noise.
     """

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from alloc.onboard.host import CONTROLLERS
-from alloc.plant.train import Train
+from alloc.old.onboard.host import CONTROLLERS
+from alloc.old.plant.train import Train
 from studies import events as e
 from studies.core import WIDE, Cell, Study
 from studies.runs import cell, complete, run
@@ -23,7 +23,7 @@ from studies.statistics import Claim, Numbers, Statement, forest, judge, mean, m
 LADDER = ("none", "table", "cut-and-ramp", "pi-creep", "perturb-observe", "steepest-gradient", "mpc")  # fmt: skip
 """This project's, from the simplest on."""
 PUBLISHED = ("fuzzy-creep", "fuzzy-tracking", "swarm-tracking", "swarm-slip", "cubature-seeking")
-"""Built after abstracts; each file in `alloc/onboard/controllers` says what had to be assumed."""
+"""Built after abstracts; each file in `alloc/old/onboard/controllers` says what had to be assumed."""
 ARMS = (*LADDER, *PUBLISHED)
 RULE = "alone"
 """Units exchange nothing, so a run depends on its readhesion controller alone."""

@@ -1,4 +1,4 @@
-"""Slip events as TOML files: keys in, `alloc.event.Event` out.
+"""Slip events as TOML files: keys in, `alloc.old.event.Event` out.
 
 A scenario fixes what rules and controllers of a comparison share. The seed of `Scenario.event` draws all that is random:
 scatter of the rail, errors of sensors, lost telegrams, the phase of the receptivity, and what `[variation]` names.
@@ -18,19 +18,19 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, create_model, model_validator
 
-from alloc.display import displayed
-from alloc.errors import number_fault
-from alloc.event import DriverCommand, Event, canonical
-from alloc.onboard.controllers.collection import BUILT_IN
-from alloc.onboard.host import CONTROLLERS
-from alloc.onboard.parameters import Belief, Onboard
-from alloc.plant import rail as plant
-from alloc.plant.adhesion import CURVES, AdhesionCurve
-from alloc.plant.laws import GRAVITY
-from alloc.plant.model import build
-from alloc.plant.sets import SETS, find_set
-from alloc.plant.train import InverterGroup, Train
-from alloc.records import meanings
+from alloc.old.display import displayed
+from alloc.old.errors import number_fault
+from alloc.old.event import DriverCommand, Event, canonical
+from alloc.old.onboard.controllers.collection import BUILT_IN
+from alloc.old.onboard.host import CONTROLLERS
+from alloc.old.onboard.parameters import Belief, Onboard
+from alloc.old.plant import rail as plant
+from alloc.old.plant.adhesion import CURVES, AdhesionCurve
+from alloc.old.plant.laws import GRAVITY
+from alloc.old.plant.model import build
+from alloc.old.plant.sets import SETS, find_set
+from alloc.old.plant.train import InverterGroup, Train
+from alloc.old.records import meanings
 from studies import StudyError, keys
 from studies.keys import Keys, Schema, built, in_words_of, keys_of, near, told_of
 from studies.trains import MotorChange, TrainKeys, train_keys

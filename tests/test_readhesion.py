@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 import readhesion as r
-from alloc.metrics import METRICS
-from alloc.plant.rail import Rail
-from alloc.simulation import simulate as simulate_event
+from alloc.old.metrics import METRICS
+from alloc.old.plant.rail import Rail
+from alloc.old.simulation import simulate as simulate_event
 
 
 @pytest.fixture(scope="module")

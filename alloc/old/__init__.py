@@ -1,0 +1,1 @@
+"""The train, what runs on board, and the rules that share adhesion among its cars."""
