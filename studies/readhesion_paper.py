@@ -61,8 +61,8 @@ MARGINS = tuple(round(0.1 * k, 1) for k in range(10))
 WIDTHS = tuple(round(0.1 * k, 1) for k in range(1, 11))
 VERY_SLIPPERY = 5.0**2 / (4.0 * 40.0)
 """mu_max below which (1) with the printed g1 = 5 and C = 40 is no curve, 0.156; (2) lacks the mu_max. The parabola
-is narrowed there (`alloc.old.plant.laws.parabola_curvature`), so in nearly all runs. If it were so narrow at every mu_max, limits
-would move by 0.004 at most, and no finding would change."""
+is narrowed there (`alloc.old.plant.laws.parabola_curvature`), so in nearly all runs. If it were so narrow at every mu_max,
+limits would move by 0.004 at most, and no finding would change."""
 DRY, HILL_END, SETTLED = 0.35, 20.0, 12.0
 """Downhill (section 4): adhesion coefficient of the rail, assumed; end [s], and when the torque has settled [s]."""
 GRADIENTS = tuple(5.0 * k - 35.0 for k in range(8))

@@ -7,7 +7,7 @@ from alloc.old.simulation import simulate
 from studies.scenario import load
 
 
-@pytest.mark.parametrize("rule, used", [("alone", 0.969), ("cooperative", 0.995)])
+@pytest.mark.parametrize(("rule", "used"), [("alone", 0.969), ("cooperative", 0.995)])
 def test_wet_patch(rule, used):
     run = simulate(load("wet-patch").event(), rule, "perturb-observe")
     assert evaluate(run)["bound_use"] == pytest.approx(used, abs=5e-4)

@@ -1,0 +1,72 @@
+"""The laws of `alloc.laws` for compiled code and for CasADi: the same text, with other elementary operations in its scope.
+
+`compiled.gradient_force(...)` and `symbolic.gradient_force(...)` are `laws.gradient_force` for Numba and for CasADi. In
+compiled code `where(c, a, b)` becomes `a if c else b`, so that of two expensive sides one is computed.
+"""
+
+import ast
+import inspect
+import math
+from collections.abc import Callable
+from types import FunctionType, ModuleType
+from typing import Any
+
+import casadi
+from numba import njit
+
+from alloc import laws
+
+
+class _Lazy(ast.NodeTransformer):
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        self.generic_visit(node)
+        if isinstance(node.func, ast.Name) and node.func.id == "where":
+            return ast.copy_location(ast.IfExp(*node.args), node)
+        return node
+
+
+def with_operations(tree: ast.Module, finish: Callable[[Any], Any], **operations: Any) -> Any:
+    """A module of the laws as `tree` has them, with these operations; each law is passed through `finish`."""
+    module = ModuleType(f"{laws.__name__}_{finish.__name__}")
+    scope = vars(module)
+    scope["__name__"] = laws.__name__
+    exec(compile(ast.fix_missing_locations(tree), str(laws.__file__), "exec"), scope)
+    scope.update(operations)
+    for name, law in list(scope.items()):
+        if isinstance(law, FunctionType) and law.__module__ == laws.__name__:
+            scope[name] = finish(law)
+    return module  # Numba reads attributes of modules
+
+
+@njit(inline="always")
+def _maximum(a, b):
+    return a if a > b else b
+
+
+@njit(inline="always")
+def _minimum(a, b):
+    return a if a < b else b
+
+
+def numba_law(law: Any) -> Any:
+    """A law that is compiled as a part of what calls it."""
+    return njit(error_model="numpy")(law)
+
+
+def casadi_law(law: Any) -> Any:
+    """A law of symbols is the function itself."""
+    return law
+
+
+_TEXT = inspect.getsource(laws)
+compiled: Any = with_operations(
+    _Lazy().visit(ast.parse(_TEXT)), numba_law,
+    maximum=_maximum, minimum=_minimum, absolute=abs, exp=math.exp, sqrt=math.sqrt, copysign=math.copysign,
+    atan=math.atan, floor=math.floor, sine=math.sin,
+)  # fmt: skip
+symbolic: Any = with_operations(
+    ast.parse(_TEXT), casadi_law,
+    where=casadi.if_else, maximum=casadi.fmax, minimum=casadi.fmin, absolute=casadi.fabs, exp=casadi.exp,
+    sqrt=casadi.sqrt, copysign=lambda a, b: a * casadi.sign(b), atan=casadi.atan, floor=casadi.floor,
+    sine=casadi.sin,
+)  # fmt: skip

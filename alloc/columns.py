@@ -1,0 +1,381 @@
+"""The tables of a run: what the plant is and does, what the train's computers know and decide.
+
+On board everything counts in the direction of the demand: torques, limits and slips are positive while wheels are driven or
+braked as asked, and `RUN.sign` says which way that is. In the plant, traction is positive.
+"""
+
+import math
+
+from alloc.tables import Column, Table
+
+INF, NAN = math.inf, math.nan
+ONE = "1"
+NEVER = -1e9
+"""An instant before every run [s]."""
+
+AXLE = Table(
+    "axle",
+    # the train
+    car=Column(0, ONE, "car of the axle, 0 = foremost"),
+    body=Column(0, ONE, "body that it pushes: its car, or 0, the whole rigid train"),
+    unit=Column(-1, ONE, "traction unit of the axle, 0 = foremost, -1: none"),
+    brake=Column(-1, ONE, "air brake group of the axle, 0 = foremost, -1: none"),
+    offset=Column(0.0, "m", "position from the train's front, negative"),
+    radius=Column(0.43, "m", "wheel radius"),
+    inertia=Column(
+        100.0, "kg m2", "inertia of the wheelset with what is geared to it, at the wheel"
+    ),
+    gear=Column(0.0, ONE, "gear ratio; 0: not driven"),
+    static_load=Column(1e5, "N", "axle load at rest"),
+    unloading=Column(0.0, ONE, "axle load lost per newton of the car's rail force"),
+    shoe_gain=Column(
+        0.0, "N Pa-1", "shoe force at the rim over cylinder pressure, before friction"
+    ),
+    # the rail under it
+    law_numerator=Column(
+        0.0, "km h-1", "numerator of the speed law of adhesion", source="JP5484215 (12)"
+    ),
+    law_constant=Column(0.15, ONE, "constant of the speed law of adhesion"),
+    increment=Column(0.0, ONE, "growth of adhesion along the train", source="JP5484215 (15)"),
+    contact=Column(1.0, ONE, "creep stiffness of its contacts over that of the curve"),
+    # of the instant
+    cleaned=Column(
+        0.0,
+        ONE,
+        "degree to which wheels ahead have cleaned the rail under it",
+        source="JP4209318 par. 0051",
+    ),
+    recovery=Column(0.0, ONE, "degree to which dissipated energy has cleaned its own contact"),
+    cell=Column(0, ONE, "last cell of rail that it has left behind"),
+    offered=Column(
+        0.0, ONE, "adhesion coefficient that the rail offers, parameter of the curve", True
+    ),
+    coefficient=Column(0.0, ONE, "tangential force coefficient", True),
+    axle_load=Column(0.0, "N", "axle load", True),
+    rail_force=Column(0.0, "N", "tangential force between wheel and rail", True),
+    brake_force=Column(0.0, "N", "force of the brake shoes at the rim, against its rotation", True),
+    slip_velocity=Column(0.0, "m s-1", "slip velocity, positive driving", True),
+    rim_speed=Column(0.0, "m s-1", "circumferential speed of the wheels", True),
+    friction_work=Column(0.0, "J", "work dissipated between wheel and rail", True),
+    # on board
+    believed_radius=Column(0.43, "m", "wheel radius as the computers have it"),
+    sensed=Column(1, ONE, "whether its speed is measured"),
+    reading=Column(0.0, "m s-1", "rim speed as read"),
+    ahead=Column(
+        0.0,
+        "m s-1",
+        "how far it runs ahead of the reference speed, mean of the last tenth of a second",
+    ),
+    slide=Column(0.0, "m s-1", "its slide behind the filter of the slide protection"),
+)
+
+CAR = Table(
+    "car",
+    body=Column(0, ONE, "body that it is part of: itself, or 0, the whole rigid train"),
+    mass=Column(4e4, "kg", "mass with load"),
+    middle=Column(0.0, "m", "its middle from the train's front, negative"),
+    resistance=Column(0.0, "N", "running resistance at rest"),
+    resistance_linear=Column(
+        0.0, "N s m-1", "part of the running resistance that grows with the speed"
+    ),
+    resistance_quadratic=Column(0.0, "N s2 m-2", "part that grows with its square, the air's"),
+    stiffness=Column(0.0, "N m-1", "stiffness of the coupler behind it"),
+    stiffening=Column(0.0, "N m-3", "growth of that stiffness with the square of the stroke"),
+    damping=Column(0.0, "N s m-1", "damping of that coupler"),
+    slack=Column(0.0, "m", "slack of that coupler"),
+    # of the instant
+    force=Column(0.0, "N", "rail force of its axles"),
+    pitch=Column(0.0, ONE, "sum of its axles' coefficients times unloading"),
+    car_speed=Column(0.0, "m s-1", "speed of the car", True),
+    car_acceleration=Column(0.0, "m s-2", "acceleration of the car", True),
+    coupler_force=Column(0.0, "N", "force of the coupler behind the car, tension positive", True),
+)
+
+UNIT = Table(
+    "unit",
+    # the train, true
+    lag=Column(0.005, "s", "time constant of the torque", source="readhesion paper, section 2.2"),
+    failure=Column(1e9, "s", "instant at which its motors fail"),
+    slip_torque=Column(
+        0.0,
+        "N m s rad-1",
+        "motors in parallel on one frequency: torque over speed between motor and field",
+    ),
+    true_radius=Column(0.43, "m", "wheel radius"),
+    applied=Column(0.0, "N m", "torque command to each motor, positive driving"),
+    # the train, as believed
+    axles=Column(4, ONE, "number of its axles"),
+    load=Column(1e5, "N", "mean load of its axles"),
+    mass=Column(1.0, ONE, "load on its axles over the mean of all units"),
+    radius=Column(0.43, "m", "wheel radius"),
+    inertia=Column(100.0, "kg m2", "mean inertia of its wheelsets"),
+    gear=Column(7.0, ONE, "gear ratio"),
+    turning=Column(
+        0.0, ONE, "torque that turns its wheelsets over what the rail receives, at the plan"
+    ),
+    brake_turning=Column(0.0, ONE, "the same in blended braking"),
+    increment=Column(
+        0.0, ONE, "increment of adhesion over the foremost unit", source="JP5484215 (5)"
+    ),
+    deviation=Column(0.0, ONE, "standard deviation of its cap about the truth"),
+    # as sensed
+    works=Column(1, ONE, "whether its motors work, as the train knows", True),
+    seen=Column(4, ONE, "number of its axles whose speed is known"),
+    rim=Column(0.0, "m s-1", "mean rim speed of its axles"),
+    motor_torque=Column(0.0, "N m", "torque of each motor", True),
+    drive_limit=Column(0.0, "N m", "most that each motor can pull with at this speed", True),
+    brake_limit=Column(0.0, "N m", "most that each motor can brake with at this speed", True),
+    air=Column(0.0, "N", "air brake force per axle, by the pressure of its cylinders"),
+    filtered=Column(NAN, "m s-1", "rim speed behind the filter of the differentiator"),
+    computed_acceleration=Column(
+        0.0, "m s-2", "acceleration of its axles as the slip detector computes it", True
+    ),
+    observed=Column(NAN, "N m", "filter state of the disturbance observer", source="JP5484215 (3)"),
+    observed_input=Column(0.0, "N m", "last input of that filter"),
+    coefficient_estimate=Column(
+        0.0, ONE, "observer's estimate of the coefficient", True, "JP5484215 (4), (18)"
+    ),
+    worst_slip=Column(0.0, "m s-1", "slip of its worst axle against the reference speed", True),
+    slipping=Column(0, ONE, "signal of the slip detector", True, "JP5484215 Fig. 5"),
+    detected=Column(NEVER, "s", "instant of its last detection", True),
+    slipped=Column(NEVER, "s", "last instant of slip", True),
+    held=Column(0.0, ONE, "estimate held at the last detection", True, "JP5484215 (5)"),
+    # as reported
+    delivered=Column(0.0, ONE, "limit at which it would deliver what it delivers", True),
+    limited=Column(
+        NEVER, "s", "last instant at which adhesion, its motors or a failure limited it", True
+    ),
+    # of the leader
+    cap=Column(INF, ONE, "what the leader believes that it can carry", True, "JP5484215 (5)"),
+    heard=Column(0.0, ONE, "what it delivers, as the leader heard"),
+    searching=Column(0, ONE, "whether it is limited, as the leader heard"),
+    mark=Column(INF, ONE, "what it has shown to carry"),
+    most=Column(INF, ONE, "largest limit that it may be given: motors, rates"),
+    truth=Column(INF, ONE, "what the rail truly carries, for the oracle alone"),
+    wanted=Column(INF, ONE, "limit that the leader orders; inf: none", True),
+    # of its own computer
+    limit=Column(0.0, ONE, "limit in force, as a coefficient", True),
+    follows=Column(0, ONE, "whether that is an order of the leader"),
+    fallen_back=Column(
+        0, ONE, "whether it has heard nothing for too long and keeps the plan", True
+    ),
+    pattern=Column(0.0, "N m", "torque of each motor that would follow the limit alone"),
+    torque_target=Column(0.0, "N m", "torque wanted of each motor under the limit", True),
+    torque_command=Column(0.0, "N m", "torque command to each motor", True),
+    foreseen=Column(0.0, "N m", "torque that its motors give if the line takes it"),
+    taken=Column(INF, "N m", "braking torque that the line turns out to take"),
+    kept=Column(1.0, ONE, "share of its part that the air brake keeps"),
+    air_brake_force=Column(
+        0.0, "N", "air brake force asked for per axle of the unit, at the rim", True
+    ),
+    protected=Column(0, ONE, "whether valves of its air brakes hold or release"),
+    faults=Column(0, ONE, "calls in which its controller's solver failed"),
+)
+
+BRAKE = Table(
+    "brake_group",  # a pair of valves, one per bogie
+    unit=Column(-1, ONE, "traction unit on whose axles it acts, -1: a trailer's"),
+    axles=Column(2, ONE, "number of its axles"),
+    fill_time=Column(0.4, "s", "time constant of filling"),
+    release_time=Column(0.4, "s", "time constant of releasing"),
+    dead_time=Column(0.1, "s", "time from a command to the valves' response"),
+    most_pressure=Column(4e5, "Pa", "largest pressure"),
+    friction_numerator=Column(0.0, "km h-1", "numerator of shoe friction over speed"),
+    friction_offset=Column(1.0, "km h-1", "offset of shoe friction over speed"),
+    friction_constant=Column(1.0, ONE, "constant of shoe friction over speed"),
+    gain=Column(0.0, "N Pa-1", "shoe force of an axle over pressure, as believed"),
+    load=Column(1e5, "N", "mean load of its axles, as believed"),
+    turning=Column(
+        0.0, ONE, "force that turns its wheelsets over what the rail receives, at the plan"
+    ),
+    share=Column(1.0, ONE, "brake force asked of a trailer over its part of the plan"),
+    most=Column(INF, "N", "force per axle that the oracle allows it"),
+    severity=Column(
+        0.0, ONE, "what its worst axle asks of the valves: 0 supply, 1 hold, 2 release"
+    ),
+    pressure_target=Column(0.0, "Pa", "pressure commanded", True),
+    valve=Column(
+        0.0, ONE, "slide protection's valves: 0 supply, 1 hold, 2 release", True, "JP4209318"
+    ),
+    filling=Column(0.0, "Pa", "pressure to which it fills, behind the dead time"),
+    acting=Column(0.0, ONE, "position of its valves, behind the dead time"),
+    cylinder_pressure=Column(0.0, "Pa", "brake cylinder pressure", True),
+)
+
+PATCH = Table(
+    "patch",
+    factor=Column(1.0, ONE, "factor on the coefficient"),
+    start=Column(-1e6, "m", "begin in space"),
+    end=Column(1e6, "m", "end in space"),
+    edge=Column(5.0, "m", "width of its smooth edges"),
+    begin=Column(-1e6, "s", "begin in time"),
+    until=Column(1e6, "s", "end in time"),
+    fade=Column(0.2, "s", "time of its smooth edges"),
+)
+
+LINE = Table(
+    "line",  # a point every `PLANT.line_spacing` from `PLANT.line_origin` on
+    grade=Column(0.0, ONE, "rise per run", source="JP H07-322414"),
+    air=Column(1.0, ONE, "air resistance over that in the open", source="JP H07-322414"),
+    curving=Column(0.0, ONE, "curve resistance over weight"),
+)
+
+PLANT = Table(
+    "plant",  # one row: what rail, line and integration have in common for all axles
+    period=Column(0.01, "s", "control period"),
+    step=Column(0.002, "s", "integration step"),
+    body_mass=Column(0.0, "kg", "mass of a rigid train; 0: cars move by themselves"),
+    pitches=Column(0, ONE, "whether rail forces shift loads"),
+    curve=Column(0, ONE, "number of the adhesion curve in `alloc.curves`"),
+    curve_values=Column((0.0,) * 8, ONE, "parameters of the curve"),
+    law_offset=Column(1.0, "km h-1", "offset of the speed law of adhesion"),
+    scatter_length=Column(0.0, "m", "distance of the scatter's knots; 0: no scatter"),
+    conditioning=Column(
+        0.0,
+        ONE,
+        "relative gain of adhesion behind a wheel that slips much",
+        source="JP4209318 par. 0051",
+    ),
+    conditioning_slip=Column(0.05, ONE, "slip ratio that cleans the rail to 63 %"),
+    recovered=Column(
+        0.0, ONE, "coefficient to which dissipated energy raises a lower one; 0: it does not"
+    ),
+    recovery_energy=Column(
+        4200.0, "J m-1", "energy on a metre of rail that recovers 76 % of the difference"
+    ),
+    recovery_time=Column(0.1, "s", "time constant of the recovery"),
+    recovery_left=Column(
+        0.25, ONE, "share of an axle's recovery that stays on the rail for those behind"
+    ),
+    cell=Column(0.1, "m", "resolution of the cleaned rail"),
+    line_origin=Column(0.0, "m", "begin of the line's points"),
+    line_spacing=Column(5.0, "m", "distance of the line's points"),
+    receptivity=Column(1.0, ONE, "mean share of the electric brake that the line takes"),
+    receptivity_swing=Column(0.0, ONE, "amplitude of that share"),
+    receptivity_period=Column(3.0, "s", "period of that share"),
+    receptivity_phase=Column(0.0, "rad", "phase of that share"),
+    planned=Column(
+        0.0,
+        "s2 m-1",
+        "coefficient that each m/s2 asked for needs of every driven axle, by the true masses",
+    ),
+    brake_planned=Column(0.0, "s2 m-1", "the same of every axle that acts in blended braking"),
+)
+
+ONBOARD = Table(
+    "onboard",  # one row: numbers of the train's computers
+    planned=Column(
+        0.2,
+        "s2 m-1",
+        "coefficient that each m/s2 asked for needs, as believed",
+        source="JP5484215 (6)",
+    ),
+    brake_planned=Column(0.1, "s2 m-1", "the same in blended braking"),
+    blended=Column(1, ONE, "whether every car brakes itself"),
+    blend_time=Column(4.0, "s", "time in which motors take over a full brake from the air"),
+    release_speed=Column(
+        0.5, "m s-1", "reference speed below which the driver releases the brakes"
+    ),
+    inertia_in_limit=Column(
+        1, ONE, "whether a target holds the torque that turns the wheelsets", source="JP5484215 (6)"
+    ),
+    inertia_in_estimate=Column(
+        1,
+        ONE,
+        "whether (18) counts the torque that decelerates the wheelsets",
+        source="JP5484215 (18)",
+    ),
+    air_commanded=Column(
+        0, ONE, "whether (18) takes the air brake force commanded", source="JP5484215 (18)"
+    ),
+    quantum=Column(0.0, "m s-1", "step to which a speed is rounded; 0: none"),
+    pole=Column(40.0, "s-1", "pole of the detector's differentiator"),
+    slip_on=Column(1.8, "m s-2", "acceleration of slip", source="JP5484215 Fig. 5"),
+    slip_off=Column(
+        0.9, "m s-2", "acceleration below which slip has ended", source="JP5484215 Fig. 5"
+    ),
+    speed_on=Column(0.6, "m s-1", "slip velocity of slip"),
+    observer_pole=Column(25.0, "s-1", "pole a of the disturbance observer", source="JP5484215 (3)"),
+    silence=Column(1.0, "s", "a unit that has heard nothing for so long keeps the plan"),
+    true_speed=Column(0, ONE, "whether the computers are given the true speed"),
+    # reference speed
+    noise=Column(0.0, "m s-1", "standard deviation of a speed reading's noise"),
+    reading=Column(0.01, "m s-1", "deviation of a reading beside noise"),
+    creep=Column(0.003, ONE, "deviation of a rolling wheel's slip ratio"),
+    repeats=Column(30.0, ONE, "periods over which that is the same"),
+    unknown_most=Column(
+        0.1, "m s-2", "deviation of the specific force that nothing explains, at most"
+    ),
+    walk=Column(0.03, "m s-2.5", "its walk per root of time"),
+    gate=Column(3.0, ONE, "deviations ahead beyond which an axle slips"),
+    train_mass=Column(2.4e5, "kg", "mass of the train, as believed"),
+    resistance=Column(0.0, "N", "running resistance at rest, as believed"),
+    resistance_linear=Column(0.0, "N s m-1", "its linear part, as believed"),
+    resistance_quadratic=Column(0.0, "N s2 m-2", "its quadratic part, as believed"),
+)
+
+SLIDE = Table(
+    "slide",  # one row: numbers of the slide protection
+    protection=Column(1, ONE, "its law: 0 none, 1 threshold, 2 fuzzy"),
+    every=Column(1, ONE, "control periods from one decision to the next"),
+    cut_out=Column(5.0 / 3.6, "m s-1", "speed below which valves do not act"),
+    hold_ratio=Column(0.08, ONE, "threshold: slip ratio above which a pressure is held"),
+    release_ratio=Column(0.15, ONE, "threshold: slip ratio above which it is released"),
+    pole=Column(6.6789, "s-1", "fuzzy: pole of the slide's differentiator"),
+    sensitivity=Column(1.0, ONE, "fuzzy: detection sensitivity", source="JP4209318, Table 4"),
+    small=Column(0.0, ONE, "fuzzy: slip ratio that is small"),
+    medium=Column(0.077716, ONE, "fuzzy: slip ratio that is medium"),
+    large=Column(0.17027, ONE, "fuzzy: slip ratio that is large"),
+    falling=Column(-3.5912, "m s-2", "fuzzy: slip acceleration that is falling"),
+    steady=Column(0.0, "m s-2", "fuzzy: slip acceleration that is steady"),
+    growing=Column(3.5912, "m s-2", "fuzzy: slip acceleration that is growing"),
+)
+
+RUN = Table(
+    "run",  # one row: the train at an instant, as its computers have it
+    period=Column(0.01, "s", "control period"),
+    telegram=Column(0.1, "s", "period of the telegrams"),
+    rise=Column(1.0, "s", "time in which torque rises to the plan"),
+    hold=Column(5.0, "s", "time for which a detection counts", source="JP5484215 S216"),
+    limit_rate=Column(INF, ONE, "largest change of a limit per answer, for rules that bound rates"),
+    time=Column(0.0, "s", "time", True),
+    driver_command=Column(0.0, "m s-2", "acceleration asked for on level track", True),
+    planned_coefficient=Column(
+        0.0,
+        ONE,
+        "coefficient that the driver's command needs of every acting axle, by true masses",
+        True,
+    ),
+    sign=Column(1.0, ONE, "direction of the demand: 1 pulling, -1 braking"),
+    braking=Column(0, ONE, "whether brakes are blended now"),
+    plan=Column(
+        0.0, ONE, "coefficient that the plan needs, as the train computes it", True, "JP5484215 (6)"
+    ),
+    needed=Column(0.0, ONE, "the plan, and what trailers' brakes lack of theirs", True),
+    leader=Column(0, ONE, "foremost unit that works"),
+    reference_speed=Column(0.0, "m s-1", "reference speed of the train", True),
+    reference_deviation=Column(
+        0.01, "m s-1", "standard deviation of the reference speed by its estimate", True
+    ),
+    unknown=Column(0.0, "m s-2", "specific force that nothing explains"),
+    p_vv=Column(1e-4, "m2 s-2", "variance of the reference speed"),
+    p_vd=Column(0.0, "m2 s-3", "covariance of speed and unknown force"),
+    p_dd=Column(0.01, "m2 s-4", "variance of the unknown force"),
+    gained=Column(0.0, "m s-2", "acceleration of the reference speed, filtered"),
+    before=Column(0.0, "m s-1", "reference speed a period ago"),
+    braked=Column(0.0, ONE, "share of the plan to which trailers' brakes have risen"),
+    level=Column(NAN, ONE, "level of the last allocation", True),
+    case=Column(0, ONE, "case of the last allocation: 0 none, 1 A, 2 B", True),
+    asked=Column(0, ONE, "how often the rule was asked"),
+    rule_faults=Column(0, ONE, "calls in which the rule's solver failed"),
+    # of the plant, for the record
+    position=Column(0.0, "m", "position of the train's front", True),
+    speed=Column(0.0, "m s-1", "mean speed of the train", True),
+    acceleration=Column(0.0, "m s-2", "mean acceleration of the train", True),
+    motor_work=Column(0.0, "J", "work of the motors at the wheels", True),
+    shoe_work=Column(0.0, "J", "work lost in brake shoes", True),
+    resistance_work=Column(0.0, "J", "work against resistance and gradient", True),
+    coupler_work=Column(0.0, "J", "work lost in couplers", True),
+)
+
+TABLES = (AXLE, CAR, UNIT, BRAKE, PATCH, LINE, PLANT, ONBOARD, SLIDE, RUN)

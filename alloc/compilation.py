@@ -1,0 +1,105 @@
+"""Compiled code: one decorator, and Numba's cache in a private folder that is named by the sources.
+
+A cached function does not notice a change in another file, so every state of `alloc` and `mpc` has a folder of its own. What
+lies there is run: the folder and all above it must be writable by its owner alone, else nothing is kept.
+"""
+
+import hashlib
+import os
+import shutil
+import stat
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numba
+
+ROOT = Path(__file__).parents[1]
+KEPT = 30 * 24 * 3600.0
+"""Folders of other sources are deleted when nobody has used them for this time [s]."""
+
+
+def _sources() -> str:
+    """Hash of everything that compiled code can depend on."""
+    digest = hashlib.sha256(f"{sys.version} {numba.__version__}".encode())
+    for path in sorted(one for name in ("alloc", "mpc") for one in (ROOT / name).rglob("*.py")):
+        if "old" not in path.parts:
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def is_private(folder: Path) -> bool:
+    """Whether nobody but this user (or root) can change `folder` or put another in its place, as ssh asks of its keys."""
+    for one in (folder, *folder.parents):
+        about = one.lstat()
+        if about.st_uid not in (0, os.getuid()) or stat.S_ISLNK(about.st_mode):
+            return False
+        sticky = one != folder and about.st_mode & stat.S_ISVTX
+        if about.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not sticky:
+            return False
+    return True
+
+
+def _folder() -> Path | None:
+    """The cache folder of these sources; None where it would not be private."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    place = Path(os.path.realpath(home)) / "readhesion"
+    try:
+        place.mkdir(parents=True, exist_ok=True, mode=0o700)
+        folder = place / f"compiled-{_sources()}"
+        folder.mkdir(exist_ok=True, mode=0o700)
+        if hasattr(os, "getuid") and not is_private(folder):
+            return None
+        os.utime(folder)
+        for other in place.glob("compiled-*"):
+            if time.time() - other.stat().st_mtime > KEPT:
+                shutil.rmtree(other, ignore_errors=True)
+    except OSError:  # a full or a read-only disk: every process compiles for itself
+        return None
+    return folder
+
+
+FOLDER = _folder()
+"""Where compiled code is kept between processes; None: it is not."""
+if FOLDER is not None:
+    numba.config.CACHE_DIR = str(FOLDER)
+
+
+def jit(*signature: Any) -> Any:
+    """Decorator of a compiled function: `@jit` on its own, or `@jit(signature)` to compile it at once.
+
+    Division by zero gives inf or nan, as NumPy's does, and results are kept between processes.
+    """
+    options: Any = {"error_model": "numpy", "cache": FOLDER is not None}
+    if len(signature) == 1 and callable(signature[0]) and hasattr(signature[0], "__code__"):
+        return numba.njit(**options)(signature[0])
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        with _said(function.__name__):
+            return numba.njit(*signature, **options)(function)
+
+    return decorate
+
+
+class _said:
+    """Says at a terminal that something is being compiled, once it takes long; the line goes when it is done."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __enter__(self) -> None:
+        if self.shown:
+            sys.stderr.write(f"\rcompiling {self.name}, once after each change of the code \033[K")
+            sys.stderr.flush()
+
+    def __exit__(self, *error: object) -> None:
+        if self.shown:
+            with suppress(OSError):
+                sys.stderr.write("\r\033[K")
+
+    @property
+    def shown(self) -> bool:
+        return sys.stderr is not None and sys.stderr.isatty()

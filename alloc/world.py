@@ -1,0 +1,69 @@
+"""Everything that a run reads and writes, in one place; tables by their names."""
+
+from typing import Any, NamedTuple
+
+from numba import float64, int64, types
+from numpy.typing import NDArray
+
+from alloc.columns import AXLE, BRAKE, CAR, LINE, ONBOARD, PATCH, PLANT, RUN, SLIDE, UNIT
+from alloc.tables import Rows
+
+
+class World(NamedTuple):
+    """Tables and arrays of a run. Of `plant`, `onboard`, `slide` and `run` there is one row.
+
+    State: positions and speeds of the bodies, angular speeds of the axles, torques of the units, pressures of the brake groups,
+    friction work of the axles; then work of motors, shoes, resistance and couplers.
+    """
+
+    state: NDArray[Any]
+    stages: NDArray[Any]
+    """(4, state): room for the integrator."""
+    axles: Rows
+    cars: Rows
+    units: Rows
+    brakes: Rows
+    patches: Rows
+    line: Rows
+    plant: Rows
+    onboard: Rows
+    slide: Rows
+    run: Rows
+    effort: NDArray[Any]
+    """Largest pulling torque of each motor [N m] every km/h, (units, speeds)."""
+    retard: NDArray[Any]
+    """Largest braking torque of each motor [N m] every km/h, (units, speeds)."""
+    own_curve: NDArray[Any]
+    """Table of an adhesion curve of one's own, see `alloc.curves`."""
+    scatter: NDArray[Any]
+    """Ring of knots [1]."""
+    rail: NDArray[Any]
+    """Ring of cells: degree to which wheels have cleaned each."""
+    command: NDArray[Any]
+    """Acceleration that the driver asks for [m/s2], (ticks,)."""
+    noise: NDArray[Any]
+    """Noise of the speed sensors [m/s], (ticks or 1, axles)."""
+    leader: NDArray[Any]
+    """Foremost unit that works, as the train knows, (ticks,)."""
+    heard: NDArray[Any]
+    """Tick of the newest report of each unit that has arrived at the leader, (ticks, units)."""
+    told: NDArray[Any]
+    """Tick of the newest order that has arrived at each unit, (ticks, units)."""
+    first: NDArray[Any]
+    """Foremost axle of each unit, (units,)."""
+    last: NDArray[Any]
+    """Hindmost axle of each unit and one, (units,)."""
+    memory: NDArray[Any]
+    """Of the controller, (units, numbers)."""
+
+
+NUMBERS, MATRIX, TICKS = float64[::1], float64[:, ::1], int64[:, ::1]
+WORLD = types.NamedTuple(
+    (
+        NUMBERS, MATRIX, AXLE.type, CAR.type, UNIT.type, BRAKE.type, PATCH.type, LINE.type, PLANT.type, ONBOARD.type,
+        SLIDE.type, RUN.type, MATRIX, MATRIX, NUMBERS, NUMBERS, NUMBERS, NUMBERS, MATRIX, int64[::1], TICKS, TICKS,
+        int64[::1], int64[::1], MATRIX,
+    ),
+    World,
+)  # fmt: skip
+"""Numba's type of a `World`."""
