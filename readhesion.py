@@ -21,16 +21,16 @@ from typing import Any as _Any
 import pandas as _pd
 import xarray as _xr
 
-from alloc.old import metrics as _metrics
-from alloc.old import recording as _recording
-from alloc.old import simulation as _simulation
-from alloc.old.errors import InputError
-from alloc.old.event import DriverCommand, Event
-from alloc.old.metrics import METRICS, Metric, metric
-from alloc.old.onboard.host import CONTROLLERS, HostedController, each_unit
-from alloc.old.rules import RULES, Allocation, AllocationProblem, Caps, Rule, Trigger, optimality
-from alloc.old.rules.testing import check_rule
-from alloc.old.testing import check_controller, check_curve
+from alloc import metrics as _metrics
+from alloc import recording as _recording
+from alloc import simulation as _simulation
+from alloc.errors import InputError
+from alloc.event import DriverCommand, Event
+from alloc.metrics import METRICS, Metric, metric
+from alloc.onboard.controllers import CONTROLLERS, HostedController, each_unit
+from alloc.rules import RULES, Allocation, AllocationProblem, Caps, Rule, Trigger, optimality
+from alloc.rules.testing import check_rule
+from alloc.testing import check_controller, check_curve
 from studies import compare as _compare
 from studies.catalogue import find_study as _find_study
 from studies.core import StudyError as _StudyError
@@ -63,10 +63,10 @@ def simulate(
     seed: int = 0,
     **options: _Any,
 ) -> _xr.Dataset:
-    """Run one slip event under a rule and a readhesion controller; returns the recorded run, see `alloc.old.recording`.
+    """Run one slip event under a rule and a readhesion controller; returns the recorded run, see `alloc.record`.
 
     `event`: the name of a scenario, the path of its file, a `Scenario`, or an `Event`, which has its draws already. `seed`
-    determines all that a scenario draws. `options` are those of `alloc.old.simulation.simulate`. Raises `InputError` for
+    determines all that a scenario draws. `options` are those of `alloc.simulation.simulate`. Raises `InputError` for
     what cannot be simulated.
     """
     _check("seed", seed, 0)

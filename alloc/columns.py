@@ -60,6 +60,8 @@ AXLE = Table(
     # on board
     believed_radius=Column(0.43, "m", "wheel radius as the computers have it"),
     sensed=Column(1, ONE, "whether its speed is measured"),
+    lost=Column(1e9, "s", "instant from which its speed signal is lost"),
+    back=Column(1e9, "s", "instant at which that signal is back"),
     reading=Column(0.0, "m s-1", "rim speed as read"),
     ahead=Column(
         0.0,
@@ -121,10 +123,14 @@ UNIT = Table(
     # as sensed
     works=Column(1, ONE, "whether its motors work, as the train knows", True),
     seen=Column(4, ONE, "number of its axles whose speed is known"),
-    rim=Column(0.0, "m s-1", "mean rim speed of its axles"),
+    rim=Column(0.0, "m s-1", "mean rim speed of its axles whose speed is known"),
+    unseen=Column(
+        0.0, "m s-1", "mean rim speed of its other axles, by that of its motors at the inverter"
+    ),
+    runs_away=Column(0, ONE, "whether those are seen to run away", True),
     motor_torque=Column(0.0, "N m", "torque of each motor", True),
-    drive_limit=Column(0.0, "N m", "most that each motor can pull with at this speed", True),
-    brake_limit=Column(0.0, "N m", "most that each motor can brake with at this speed", True),
+    drive_limit=Column(0.0, "N m", "most that each motor can pull with at its rim speed"),
+    brake_limit=Column(0.0, "N m", "most that each motor can brake with at its rim speed"),
     air=Column(0.0, "N", "air brake force per axle, by the pressure of its cylinders"),
     filtered=Column(NAN, "m s-1", "rim speed behind the filter of the differentiator"),
     computed_acceleration=Column(
@@ -150,6 +156,7 @@ UNIT = Table(
     heard=Column(0.0, ONE, "what it delivers, as the leader heard"),
     searching=Column(0, ONE, "whether it is limited, as the leader heard"),
     mark=Column(INF, ONE, "what it has shown to carry"),
+    counted=Column(NEVER, "s", "instant of its detection that its cap is from"),
     most=Column(INF, ONE, "largest limit that it may be given: motors, rates"),
     truth=Column(INF, ONE, "what the rail truly carries, for the oracle alone"),
     wanted=Column(INF, ONE, "limit that the leader orders; inf: none", True),
@@ -366,8 +373,14 @@ RUN = Table(
     braked=Column(0.0, ONE, "share of the plan to which trailers' brakes have risen"),
     level=Column(NAN, ONE, "level of the last allocation", True),
     case=Column(0, ONE, "case of the last allocation: 0 none, 1 A, 2 B", True),
+    answered=Column(NAN, ONE, "plan to which the last allocation answers"),
     asked=Column(0, ONE, "how often the rule was asked"),
     rule_faults=Column(0, ONE, "calls in which the rule's solver failed"),
+    rule_gap=Column(
+        NAN,
+        ONE,
+        "largest distance of its answers from the certified ones, over the plan; nan: none",
+    ),
     # of the plant, for the record
     position=Column(0.0, "m", "position of the train's front", True),
     speed=Column(0.0, "m s-1", "mean speed of the train", True),
@@ -375,7 +388,7 @@ RUN = Table(
     motor_work=Column(0.0, "J", "work of the motors at the wheels", True),
     shoe_work=Column(0.0, "J", "work lost in brake shoes", True),
     resistance_work=Column(0.0, "J", "work against resistance and gradient", True),
-    coupler_work=Column(0.0, "J", "work lost in couplers", True),
+    coupler_work=Column(0.0, "J", "work taken in by couplers", True),
 )
 
 TABLES = (AXLE, CAR, UNIT, BRAKE, PATCH, LINE, PLANT, ONBOARD, SLIDE, RUN)

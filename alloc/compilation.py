@@ -65,7 +65,7 @@ def _folder() -> Path | None:
 FOLDER = _folder()
 """Where compiled code is kept between processes; None: it is not."""
 if FOLDER is not None:
-    numba.config.CACHE_DIR = str(FOLDER)
+    numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
 
 
 def jit(*signature: Any) -> Any:

@@ -12,26 +12,45 @@ from collections.abc import Callable
 from typing import Any
 
 from numba import boolean, float64, int64, types, void
+from numba.core.errors import NumbaError
 
 from alloc.columns import AXLE, RUN, UNIT
 from alloc.compilation import jit
+from alloc.errors import InputError
 
 LAW = float64(UNIT.type, RUN.row)
 BELIEF = boolean(int64, UNIT.type, UNIT.said[:, ::1], int64[:, ::1], RUN.row)
 CONTROL = void(UNIT.row, AXLE.type, float64[::1], RUN.row)
-
-law: Any = jit(LAW)
-"""Compiled `law(units, run) -> level` [1], nan for a rule without one. `run.case` becomes 1 (A) or 2 (B)."""
-belief: Any = jit(BELIEF)
-"""Compiled `belief(tick, units, said, heard, run)`. `said[s, j]`: recorded columns of unit j at tick s; `heard[tick, j]`: tick
-of the newest telegram of unit j that has arrived; where that is `tick`, the unit's own row counts, not yet recorded."""
-control: Any = jit(CONTROL)
-"""Compiled `control(unit, axles, memory, run)`. `axles`: from the unit's foremost to its hindmost, those of `axle.unit` < 0 in
-between are not driven; `memory`: the controller's own row of this unit, `memory.view(ROW)[0]`."""
-
 LAW_TYPE, BELIEF_TYPE, CONTROL_TYPE = (types.FunctionType(one) for one in (LAW, BELIEF, CONTROL))
 
+law: Any = jit
+"""Decorator of a compiled `law(units, run) -> level` [1]; nan for a rule without one. `run.case` becomes 1 (A) or 2 (B)."""
+belief: Any = jit
+"""Decorator of a compiled `belief(tick, units, said, heard, run) -> bool`.
 
-def is_compiled(*functions: Callable[..., Any]) -> bool:
+`said[s, j]`: recorded columns of unit j at tick s. `heard[tick, j]`: tick of the newest telegram of unit j that has arrived;
+where that is `tick` the unit's own row counts, which is not recorded yet.
+"""
+control: Any = jit
+"""Decorator of a compiled `control(unit, axles, memory, run)`.
+
+`axles`: from the unit's foremost to its hindmost; those in between whose `unit` is negative are not driven. `memory`: the
+controller's own row of this unit, read as `memory.view(ROW)[0]`.
+"""
+
+
+def are_compiled(*functions: Callable[..., Any]) -> bool:
     """Whether all of them are compiled, so that the loop of a run can call them."""
     return all(hasattr(one, "py_func") for one in functions)
+
+
+def ready(function: Any, signature: Any) -> Any:
+    """`function`, compiled for `signature`; raises `InputError` where that is impossible."""
+    try:
+        function.compile(signature)
+    except NumbaError as error:
+        name, fault = function.py_func.__name__, " ".join(str(error).split())[:300]
+        raise InputError(
+            f"{name} cannot be compiled; leave out the decorator to have it served by Python: {fault}"
+        ) from None
+    return function

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from alloc.errors import InputError
 
@@ -14,6 +14,9 @@ OWN = ("alloc", "mpc")
 
 class Registry(Mapping[str, Part], Generic[Part]):
     """Name -> part of one `kind`, in the order in which they were registered."""
+
+    registered: ClassVar[list[str]] = []
+    """Modules that have registered a part of any kind, once for each."""
 
     def __init__(self, kind: str) -> None:
         self.kind = kind
@@ -32,6 +35,7 @@ class Registry(Mapping[str, Part], Generic[Part]):
                 f"{self.kind} {name!r} exists already, from {taken}; choose another name"
             )
         self._parts[name], self._origins[name] = part, origin
+        self.registered.append(origin)
         return part
 
     def find(self, name: str) -> Part:

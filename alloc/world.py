@@ -12,8 +12,8 @@ from alloc.tables import Rows
 class World(NamedTuple):
     """Tables and arrays of a run. Of `plant`, `onboard`, `slide` and `run` there is one row.
 
-    State: positions and speeds of the bodies, angular speeds of the axles, torques of the units, pressures of the brake groups,
-    friction work of the axles; then work of motors, shoes, resistance and couplers.
+    State: positions and speeds of the bodies, angular speeds of the axles, torques of the units, pressures of the brake
+    groups, friction work of the axles; then work of motors, shoes, resistance and couplers.
     """
 
     state: NDArray[Any]

@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from alloc.old.metrics import evaluate
-from alloc.old.onboard.host import CONTROLLERS
-from alloc.old.plant.model import Model
-from alloc.old.plant.rail import patch_factor, window
-from alloc.old.rules import RULES
+from alloc.metrics import evaluate
+from alloc.onboard.controllers import CONTROLLERS
+from alloc.rail import patch_factor, window
+from alloc.rules import RULES
+from alloc.train_rows import Model
 from paper_figs.style import NARROW, WIDE, Drawing
 from studies.runs import recorded
 from studies.scenario import load

@@ -7,8 +7,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.old.metrics.use import distance
-from alloc.old.plant.laws import hyperbolic_speed_law
+from alloc.laws import hyperbolic_speed_law
+from alloc.metrics import distance
 from paper_figs.style import WIDE, Drawing
 from studies.jp4209318 import CALIBRATED, TABLE_3, TABLE_4, stop
 

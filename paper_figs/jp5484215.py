@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from alloc.old.plant.adhesion import POLACH_DRY, POLACH_WET
-from alloc.old.plant.rail import logarithmic_increments
-from alloc.old.rules import RULES, AllocationProblem
+from alloc.curves import POLACH_DRY, POLACH_WET
+from alloc.rail import logarithmic_increments
+from alloc.rules import RULES, AllocationProblem
 from paper_figs.sharing import of_study
 from paper_figs.style import NARROW, WIDE, Drawing
 from studies.runs import recorded

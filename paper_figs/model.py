@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from alloc.old.plant.adhesion import CURVES, AdhesionCurve, PiecewiseCurve
+from alloc.curves import CURVES, AdhesionCurve, PiecewiseCurve
 from paper_figs.style import WIDE, Drawing
 from studies.scenario import load
 

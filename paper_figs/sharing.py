@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
-from alloc.old.rules import RULES
+from alloc.rules import RULES
 from paper_figs.style import WIDE, Drawing
 from studies.compare import EFFORT, REFERENCE, standings
 from studies.headroom import BASE, BOUND, CONTROLLERS, SHARERS, pairs

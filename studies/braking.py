@@ -15,10 +15,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.old.plant.laws import GRAVITY
-from alloc.old.plant.model import structure_of
-from alloc.old.plant.train import Train
-from alloc.old.rules import RULES
+from alloc.laws import GRAVITY
+from alloc.rules import RULES
+from alloc.train import Train
+from alloc.train_rows import structure_of
 from studies import claims
 from studies import events as e
 from studies.claims import CONTROLLERS, CORRECTED, LAYERS

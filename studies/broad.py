@@ -12,10 +12,10 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from alloc.old.plant.laws import hyperbolic_speed_law
-from alloc.old.plant.model import offered_by
-from alloc.old.plant.rail import SPEED_LAWS
-from alloc.old.rules import RULES
+from alloc.laws import hyperbolic_speed_law
+from alloc.rail import SPEED_LAWS
+from alloc.rules import RULES
+from alloc.train_rows import offered_by
 from studies import braking, claims, headroom, ladder
 from studies import events as e
 from studies.claims import CONTROLLERS

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
-from alloc.old.metrics import METRICS
-from alloc.old.onboard.host import CONTROLLERS
-from alloc.old.plant.adhesion import CURVES
-from alloc.old.plant.sets import SETS, find_set
-from alloc.old.rules import RULES
+from alloc.curves import CURVES
+from alloc.metrics import METRICS
+from alloc.onboard.controllers import CONTROLLERS
+from alloc.rules import RULES
+from alloc.sets import SETS, find_set
 from studies import StudyError
 from studies.core import Study
 from studies.plugins import load_plugins

@@ -14,10 +14,10 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from alloc.old.metrics.registry import series
-from alloc.old.plant.laws import hyperbolic_speed_law
-from alloc.old.plant.rail import SPEED_LAWS
-from alloc.old.rules import RULES
+from alloc.laws import hyperbolic_speed_law
+from alloc.metrics import series
+from alloc.rail import SPEED_LAWS
+from alloc.rules import RULES
 from studies import events as e
 from studies.core import WIDE, Cell, Row, Study
 from studies.runs import Measure, cell, complete, paired, run

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter, Token, UnusedCliTokensError
 
-from alloc.old.errors import InputError, UnsoundRun, check_compiling
+from alloc.errors import InputError, UnsoundRun, check_compiling
 from studies import StudyError, WorkerLost
 
 if TYPE_CHECKING:  # a command imports what it needs: the help is there at once
@@ -193,9 +193,9 @@ def simulate(
         every: Print every metric.
         as_json: Print JSON with every metric instead.
     """
-    from alloc.old.metrics import METRICS, evaluate
-    from alloc.old.recording import save
-    from alloc.old.rules import RULES
+    from alloc.metrics import METRICS, evaluate
+    from alloc.record import save
+    from alloc.rules import RULES
     from studies.compare import find_controller
     from studies.plugins import try_own_parts
     from studies.runs import recorded
@@ -356,11 +356,11 @@ def check(name: str, *, as_json: Json = False) -> int:
         name: Name of the part, one of a plug-in too.
         as_json: Print JSON instead.
     """
-    from alloc.old.onboard.host import CONTROLLERS
-    from alloc.old.plant.adhesion import CURVES
-    from alloc.old.rules import RULES
-    from alloc.old.rules.testing import verdict
-    from alloc.old.testing import laws_of_part
+    from alloc.curves import CURVES
+    from alloc.onboard.controllers import CONTROLLERS
+    from alloc.rules import RULES
+    from alloc.rules.testing import verdict
+    from alloc.testing import laws_of_part
     from studies.keys import near
 
     known = [*RULES, *CONTROLLERS, *CURVES]
@@ -407,7 +407,7 @@ def schema(kind: Literal["scenario", "train"] = "scenario", *, out: Path | None 
         kind: What the file describes.
         out: File to write instead.
     """
-    from alloc.old.sources import write_whole
+    from alloc.sources import write_whole
     from studies import scenario
 
     text = json.dumps(scenario.schema(kind), indent=1) + "\n"
@@ -440,7 +440,7 @@ def cite(*, as_bibtex: Annotated[bool, Parameter("--bibtex", negative=())] = Fal
     Args:
         as_bibtex: As BibTeX.
     """
-    from alloc.old.citations import CITATIONS
+    from alloc.citations import CITATIONS
 
     for one in CITATIONS:
         print(one.bibtex if as_bibtex else f"{one.words} {one.address}".strip())

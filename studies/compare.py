@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from alloc.old.metrics import METRICS
-from alloc.old.onboard.host import CONTROLLERS
-from alloc.old.rules import RULES
-from alloc.old.simulation import inputs_hash
+from alloc.metrics import METRICS
+from alloc.onboard.controllers import CONTROLLERS
+from alloc.rules import RULES
+from alloc.simulation import inputs_hash
 from studies.core import Cell, Row, Study, StudyError
 from studies.runs import cell, is_slow, run
 from studies.scenario import Scenario, default_scenarios

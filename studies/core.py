@@ -31,7 +31,7 @@ import pyarrow.parquet as pq
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
-from alloc.old.sources import write_whole
+from alloc.sources import write_whole
 from studies import StudyError, WorkerLost
 from studies.plugins import load_plugins, loaded_files
 from studies.row_key import decides, key_of

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from alloc.old.plant.adhesion import CURVES, CreepCurve
-from alloc.old.plant.model import level_for
-from alloc.old.plant.train import Train
-from alloc.old.units import unit_of
+from alloc.curves import CURVES, CreepCurve
+from alloc.train import Train
+from alloc.train_rows import level_for
+from alloc.units import unit_of
 from studies.scenario import Scenario
 
 Keys = dict[str, Any]

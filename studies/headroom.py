@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from alloc.old.metrics.use import train_bounds
-from alloc.old.plant.model import structure_of
+from alloc.metrics import train_bounds
+from alloc.train_rows import structure_of
 from studies import events as e
 from studies.claims import CONTROLLERS, table_of
 from studies.core import Cell, Row, Study

@@ -4,7 +4,7 @@ Table 2 gives train, brakes and cycle. The adhesion of Fig. 2, how sliding wheel
 the three sensitivities are not disclosed. Here they are 15 numbers (`Undisclosed`); Tables 3 and 4 print 8 different ones.
 So what follows shows that the model can do what the source reports, not that it is right. ``jp4209318_members.csv`` has 54
 sets that reach both tables, and one that was sought without the distance of two cars. For Q (28) of any record there is
-`alloc.old.estimation.wheel_damage.wheel_damage`, of plain arrays in SI units.
+`alloc.estimation.wheel_damage.wheel_damage`, of plain arrays in SI units.
 """
 
 from collections.abc import Iterator
@@ -19,18 +19,17 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from alloc.old.estimation.wheel_damage import wheel_damage
-from alloc.old.event import DriverCommand, Event
-from alloc.old.metrics.use import damage, distance, locked_time
-from alloc.old.onboard.brakes import Fuzzy, SlideProtection, Threshold
-from alloc.old.onboard.parameters import Braking, Onboard
-from alloc.old.plant.adhesion import SlipRatioCurve
-from alloc.old.plant.laws import GRAVITY
-from alloc.old.plant.model import build
-from alloc.old.plant.rail import Rail
-from alloc.old.plant.sets import find_set
-from alloc.old.plant.train import Train
-from alloc.old.simulation import simulate
+from alloc.curves import SlipRatioCurve
+from alloc.estimation.wheel_damage import wheel_damage
+from alloc.event import DriverCommand, Event
+from alloc.laws import GRAVITY
+from alloc.metrics import damage, distance, locked_time
+from alloc.onboard.settings import Braking, Fuzzy, Onboard, SlideProtection, Threshold
+from alloc.rail import Rail
+from alloc.sets import find_set
+from alloc.simulation import simulate
+from alloc.train import Train
+from alloc.train_rows import build
 from studies.core import Cell, Row, Study
 from studies.statistics import CONDITIONS, FAILS, HOLDS
 

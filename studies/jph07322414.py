@@ -22,13 +22,13 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from alloc.old.driving import Controls, TrainSense, drive
-from alloc.old.metrics.use import jerk
-from alloc.old.plant.laws import GRAVITY
-from alloc.old.plant.model import Structure, build, structure_of
-from alloc.old.plant.rail import Line, Rail
-from alloc.old.plant.sets import find_set
-from alloc.old.plant.train import EFFORT_SPEED_STEP, Train
+from alloc.driving import Controls, TrainSense, drive
+from alloc.laws import GRAVITY
+from alloc.metrics import jerk
+from alloc.rail import Line, Rail
+from alloc.sets import find_set
+from alloc.train import EFFORT_SPEED_STEP, Train
+from alloc.train_rows import Structure, build, structure_of
 from studies.core import WIDE, Cell, Row, Study
 from studies.statistics import Claim, Interval, Statement, forest, judge, mean
 
@@ -261,7 +261,7 @@ Learnt: the latter once it is learnt, claim 5, with I_FB or, as printed, alone."
 
 @dataclass(eq=False)
 class SpeedControl:
-    """A driver for `alloc.old.driving.drive` in a case of `CASES`: force I_FB + I_FF, at most what the motors give.
+    """A driver for `alloc.driving.drive` in a case of `CASES`: force I_FB + I_FF, at most what the motors give.
 
     I_FB by PI control if `integral`, else by P control; `seed` of the measured speed's noise, None for no noise.
     """

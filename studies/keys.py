@@ -18,10 +18,10 @@ from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, field_validator
 
-from alloc.old import units
-from alloc.old.errors import InputError
-from alloc.old.records import Meaning, meanings
-from alloc.old.units import UNITS, unit_of
+from alloc import units
+from alloc.errors import InputError
+from alloc.records import Meaning, meanings
+from alloc.units import UNITS, unit_of
 from studies import StudyError
 
 Schema = dict[str, Any]

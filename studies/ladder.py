@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from alloc.old.onboard.host import CONTROLLERS
-from alloc.old.plant.train import Train
+from alloc.onboard.controllers import CONTROLLERS
+from alloc.train import Train
 from studies import events as e
 from studies.core import WIDE, Cell, Study
 from studies.runs import cell, complete, run

@@ -18,12 +18,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from alloc.old.event import Event
-from alloc.old.metrics import METRICS
-from alloc.old.onboard.increment_learning import IncrementLearning
-from alloc.old.plant.laws import hyperbolic_speed_law
-from alloc.old.plant.rail import GROWTH_SLOPE, SPEED_LAWS, logarithmic_increments
-from alloc.old.simulation import simulate
+from alloc.event import Event
+from alloc.laws import hyperbolic_speed_law
+from alloc.metrics import METRICS
+from alloc.onboard.increment_learning import IncrementLearning
+from alloc.rail import GROWTH_SLOPE, SPEED_LAWS, logarithmic_increments
+from alloc.simulation import simulate
 from studies.core import Cell, Row, Study, StudyError
 from studies.scenario import Scenario, load
 from studies.statistics import Claim, Numbers, Statement, judge, means

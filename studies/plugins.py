@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from alloc.old.errors import InputError
-from alloc.old.metrics import METRICS
-from alloc.old.onboard.host import CONTROLLERS, HostedController
-from alloc.old.plant.sets import SETS
-from alloc.old.registry import Registry
-from alloc.old.rules import RULES, AllocationProblem, Rule
-from alloc.old.sources import PACKAGES, PLUGIN_PREFIX
+from alloc.errors import InputError
+from alloc.metrics import METRICS
+from alloc.onboard.controllers import CONTROLLERS, HostedController
+from alloc.registry import Registry
+from alloc.rules import RULES, AllocationProblem, Rule
+from alloc.sets import SETS
+from alloc.sources import PACKAGES, PLUGIN_PREFIX
 
 _loaded: dict[str, ModuleType] = {}
 """Module by file."""
@@ -94,9 +94,9 @@ def try_own_parts(rules: Iterable[str], controllers: Iterable[str]) -> None:
 
     Raises `InputError` of one line for a part that is none, raises an error, or answers with what is no answer.
     """
-    from alloc.old.rules.testing import usable
-    from alloc.old.simulation import simulate
-    from alloc.old.testing import tried
+    from alloc.rules.testing import usable
+    from alloc.simulation import simulate
+    from alloc.testing import tried
     from studies.scenario import load
 
     def event() -> Any:

@@ -20,13 +20,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
-from alloc.old.compilation import inlined_jit, jit
-from alloc.old.estimation.series import spans
-from alloc.old.onboard.controllers.simple import asymmetric_lag, torque_factor
-from alloc.old.onboard.laws import differentiate
-from alloc.old.plant.adhesion import PiecewiseCurve
-from alloc.old.plant.laws import GRAVITY, gradient_force, piecewise_coefficient
-from alloc.old.plant.rail import patch_factor, window
+from alloc.compilation import inlined_jit, jit
+from alloc.curves import PiecewiseCurve
+from alloc.estimation.series import spans
+from alloc.laws import GRAVITY, gradient_force, piecewise_coefficient
+from alloc.onboard.controllers.simple import asymmetric_lag, torque_factor
+from alloc.onboard.laws import differentiate
+from alloc.rail import patch_factor, window
 from studies.core import Cell, Row, Study
 
 Floats = NDArray[np.float64]
@@ -61,7 +61,7 @@ MARGINS = tuple(round(0.1 * k, 1) for k in range(10))
 WIDTHS = tuple(round(0.1 * k, 1) for k in range(1, 11))
 VERY_SLIPPERY = 5.0**2 / (4.0 * 40.0)
 """mu_max below which (1) with the printed g1 = 5 and C = 40 is no curve, 0.156; (2) lacks the mu_max. The parabola
-is narrowed there (`alloc.old.plant.laws.parabola_curvature`), so in nearly all runs. If it were so narrow at every mu_max,
+is narrowed there (`alloc.laws.parabola_curvature`), so in nearly all runs. If it were so narrow at every mu_max,
 limits would move by 0.004 at most, and no finding would change."""
 DRY, HILL_END, SETTLED = 0.35, 20.0, 12.0
 """Downhill (section 4): adhesion coefficient of the rail, assumed; end [s], and when the torque has settled [s]."""

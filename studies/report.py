@@ -13,12 +13,12 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from alloc.old.citations import uses
-from alloc.old.metrics import METRICS, evaluate
-from alloc.old.onboard.host import CONTROLLERS
-from alloc.old.recording import provenance
-from alloc.old.rules import RULES
-from alloc.old.sources import path_of, write_whole
+from alloc.citations import uses
+from alloc.metrics import METRICS, evaluate
+from alloc.onboard.controllers import CONTROLLERS
+from alloc.record import provenance
+from alloc.rules import RULES
+from alloc.sources import path_of, write_whole
 from studies.compare import EFFORT, REFERENCE, Standing, answer, informed, standings
 from studies.core import StudyError
 from studies.runs import is_slow, recorded
@@ -238,7 +238,7 @@ def _sources(found: Sequence[Standing]) -> list[dict[str, str]]:
     """Publications that the files of rules, controllers, metrics and curves name, and which of them do."""
     modules = {one.rule: RULES.origin(one.rule) for one in found}
     modules |= {one.controller: CONTROLLERS.origin(one.controller) for one in found}
-    modules |= {"metrics": "alloc.old.metrics.use", "adhesion curves": "alloc.old.plant.adhesion"}
+    modules |= {"metrics": "alloc.metrics", "adhesion curves": "alloc.curves"}
     files = {part: path_of(module) for part, module in modules.items()}
     texts = {part: path.read_text("utf-8") for part, path in files.items() if path}
     return [

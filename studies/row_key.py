@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from alloc.old.errors import InputError
-from alloc.old.sources import code_hash, path_of
+from alloc.errors import InputError
+from alloc.sources import code_hash, path_of
 
 OWN, BELOW = "studies", ("alloc", "mpc")
 """The package whose definitions are followed one by one, and those that count by modules."""

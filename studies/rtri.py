@@ -17,8 +17,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from alloc.old.driving import Controls, TrainSense, drive
-from alloc.old.estimation.brake_force import (
+from alloc.driving import Controls, TrainSense, drive
+from alloc.estimation.brake_force import (
     BrakeRigging,
     CalibrationErrors,
     braking_window,
@@ -28,12 +28,12 @@ from alloc.old.estimation.brake_force import (
     rolling_mass,
     smooth_brake_forces,
 )
-from alloc.old.estimation.series import spans
-from alloc.old.plant.laws import hyperbolic_speed_law, running_resistance
-from alloc.old.plant.model import build, structure_of
-from alloc.old.plant.rail import Line, Rail
-from alloc.old.plant.sets import find_set
-from alloc.old.plant.train import Train
+from alloc.estimation.series import spans
+from alloc.laws import hyperbolic_speed_law, running_resistance
+from alloc.rail import Line, Rail
+from alloc.sets import find_set
+from alloc.train import Train
+from alloc.train_rows import build, structure_of
 from studies.core import BOOKKEEPING, Cell, Row, Study
 from studies.statistics import Claim, Statement, judge
 

@@ -7,12 +7,12 @@ from functools import lru_cache
 import pandas as pd
 import xarray as xr
 
-from alloc.old.event import Event
-from alloc.old.metrics import METRICS, evaluate
-from alloc.old.onboard.host import CONTROLLERS, HostedController
-from alloc.old.recording import attributes_of
-from alloc.old.rules import RULES
-from alloc.old.simulation import simulate
+from alloc.event import Event
+from alloc.metrics import METRICS, evaluate
+from alloc.onboard.controllers import CONTROLLERS, HostedController
+from alloc.record import attributes_of
+from alloc.rules import RULES
+from alloc.simulation import simulate
 from studies.core import BOOKKEEPING, Cell, Row
 from studies.scenario import Scenario
 

@@ -1,4 +1,4 @@
-"""Slip events as TOML files: keys in, `alloc.old.event.Event` out.
+"""Slip events as TOML files: keys in, `alloc.event.Event` out.
 
 A scenario fixes what rules and controllers of a comparison share. The seed of `Scenario.event` draws all that is random:
 scatter of the rail, errors of sensors, lost telegrams, the phase of the receptivity, and what `[variation]` names.
@@ -9,28 +9,23 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import fields, replace
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, create_model, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
-from alloc.old.display import displayed
-from alloc.old.errors import number_fault
-from alloc.old.event import DriverCommand, Event, canonical
-from alloc.old.onboard.controllers.collection import BUILT_IN
-from alloc.old.onboard.host import CONTROLLERS
-from alloc.old.onboard.parameters import Belief, Onboard
-from alloc.old.plant import rail as plant
-from alloc.old.plant.adhesion import CURVES, AdhesionCurve
-from alloc.old.plant.laws import GRAVITY
-from alloc.old.plant.model import build
-from alloc.old.plant.sets import SETS, find_set
-from alloc.old.plant.train import InverterGroup, Train
-from alloc.old.records import meanings
+from alloc import rail as plant
+from alloc.curves import CURVES, AdhesionCurve
+from alloc.event import DriverCommand, Event, canonical
+from alloc.laws import GRAVITY
+from alloc.onboard.settings import Belief, Onboard
+from alloc.records import ANY, meanings
+from alloc.sets import SETS, find_set
+from alloc.train import InverterGroup, Train
+from alloc.train_rows import rows_of
 from studies import StudyError, keys
 from studies.keys import Keys, Schema, built, in_words_of, keys_of, near, told_of
 from studies.trains import MotorChange, TrainKeys, train_keys
@@ -89,7 +84,7 @@ class Curve(Keys):
             if key not in known:
                 hint = near(key, known)
                 raise ValueError(f"{key} is no parameter of the {self.kind} curve{hint}")
-            if fault := number_fault(value, negative=True) or keys.range_fault(key, value):
+            if fault := ANY.fault(value) or keys.range_fault(key, value):
                 raise ValueError(f"{key} = {value!r:.60} {fault}")
         return self
 
@@ -233,7 +228,6 @@ class BeliefKeys(Keys):
     """Adhesion curve. Left out: that of the rail."""
     mass_factor: float | None = Field(default=None, le=100.0)
     resistance_factor: float | None = Field(default=None, le=100.0)
-    coupler_factor: float | None = Field(default=None, le=100.0)
 
     def belief(self, rail: RailKeys, axles: int) -> Belief:
         """The belief of a train of so many axles on this rail."""
@@ -251,7 +245,6 @@ _Equipment: Any = keys_of(
     "braking",
     "reference.source",
     "reference.radii_compared",
-    "trigger",
     "hold_time",
     "limit_rate",
     "inertia_in_limit",
@@ -259,61 +252,12 @@ _Equipment: Any = keys_of(
 
 
 class OnboardKeys(_Equipment):
-    """Equipment of the train. A hosted controller with settings has a table too, `[onboard.mpc_car]` for "mpc-car"."""
-
-    model_config = ConfigDict(extra="allow")
-
-    @model_validator(mode="after")
-    def _knows_its_tables(self) -> "OnboardKeys":
-        _ = self.hosted
-        return self
-
-    @property
-    def hosted(self) -> dict[str, Keys]:
-        """Tables of hosted controllers, by the controller's name."""
-        found: dict[str, Keys] = {}
-        for table, given in (self.model_extra or {}).items():
-            names = _hosted_controllers()
-            kind = _settings_of(names[table]) if table in names else None
-            if kind is None:
-                known = near(table, [*type(self).model_fields, *names])
-                raise StudyError(f"unknown key 'onboard.{table}'{known}")
-            if not isinstance(given, Mapping):
-                raise StudyError(f"key 'onboard.{table}' = {given!r:.60}: must be a table")
-            found[names[table]] = keys.checked(kind, given, f"onboard.{table}")
-        return found
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> Schema:
-        tables: Any = {}
-        for table, name in _hosted_controllers().items():
-            with suppress(ImportError):  # of one that needs what is not installed
-                if kind := _settings_of(name):
-                    tables[table] = (kind | None, None)
-        complete = create_model("Equipment", __base__=_Equipment, __doc__=cls.__doc__, **tables)
-        made: Schema = handler(complete.__pydantic_core_schema__)
-        return made
+    """Equipment of the train."""
 
     def onboard(self, belief: Belief, seed: int) -> Onboard:
         """The equipment of a train with this belief; `seed` draws the errors of its sensors."""
-        hosted = {name: built(one, f"onboard.{_table(name)}") for name, one in self.hosted.items()}
-        made: Onboard = built(self, "onboard", belief=belief, hosted=hosted)
+        made: Onboard = built(self, "onboard", belief=belief)
         return replace(made, sensors=replace(made.sensors, seed=seed))
-
-
-def _table(controller: str) -> str:
-    return controller.replace("-", "_")
-
-
-def _hosted_controllers() -> dict[str, str]:
-    """Name of the table, and of the controller."""
-    return {_table(name): name for name in CONTROLLERS if name not in BUILT_IN}
-
-
-def _settings_of(controller: str) -> Any:
-    """The table of a hosted controller's settings, None where it has none."""
-    settings: Any = getattr(CONTROLLERS[controller], "settings", None)
-    return settings and keys_of(settings)
 
 
 # the event
@@ -324,23 +268,25 @@ MOST_OF_EFFORT = 1.5
 
 def remarks(event: Event) -> Iterator[str]:
     """What is possible in an event, but hardly meant: a sentence for each, which names the key."""
-    train, eq, step = event.model.train, event.equipment, 0.05
+    train, rows, step = event.train, rows_of(event.train), 0.05
+    units, needs = rows.units, float(rows.plant["brake_planned"])
     asked = event.command.sampled(np.arange(0.0, event.duration, step))
     if not asked.any():
         yield f"command: none asks for an acceleration before the end, duration_s = {event.duration:g}"
-    motors = float((eq.drive_table.max(axis=1, initial=0.0) * eq.axles * eq.gear / eq.radius).sum())
+    most = rows.effort.max(axis=1, initial=0.0)
+    motors = float((most * units.axles * units.gear / units.radius).sum())
     motors /= train.mass + train.rotating_mass
     for k, one in enumerate(event.command.accelerations, 1):
-        key, needed = f"command[{k}].acceleration_kmhs = {3.6 * one:.6g}", -one * eq.brake_share
+        key, needed = f"command[{k}].acceleration_kmhs = {3.6 * one:.6g}", -one * needs
         if needed > MOST_COEFFICIENT:
             yield f"{key} needs a coefficient of {needed:.3g}; no rail has more than 1"
         if one > MOST_OF_EFFORT * motors:
             yield f"{key} is beyond the motors, which reach {3.6 * motors:.3g} on a level line"
-    downhill = GRAVITY * max(0.0, -min(event.model.line.grades))
+    downhill = GRAVITY * max(0.0, -min(event.line.grades))
     speed = event.initial_speed + step * np.cumsum(np.maximum(asked, 0.0) + downhill)
     head = event.initial_position + step * float(speed.sum())
     tail = event.initial_position - sum(car.length for car in train.cars)
-    for k, patch in enumerate(event.model.rail.patches, 1):
+    for k, patch in enumerate(event.rail.patches, 1):
         if patch.start - patch.edge > head or patch.end + patch.edge < tail:
             yield f"rail.patches[{k}]: no axle is ever between start_m = {patch.start:g} and end_m = {patch.end:g}"
         if patch.begin - patch.fade > event.duration or patch.until + patch.fade < 0.0:
@@ -351,7 +297,6 @@ def _train_names(said: Schema) -> None:
     said["anyOf"] = [{"enum": [*SETS]}, {"type": "string", "pattern": r"\.toml$"}]
 
 
-@displayed
 class Scenario(Keys):
     """A slip event as its file describes it."""
 
@@ -427,19 +372,19 @@ class Scenario(Keys):
         times = tuple(one.time_s + delay for one in self.command)
         asked = tuple(one.acceleration_kmhs / 3.6 for one in self.command)
         start, speed = self.start_m + shift, self.initial_speed_kmh / 3.6
-        most = speed + self.duration_s * max(abs(one) + 0.3 for one in asked)
-        span = start - 20.0, start + self.duration_s * min(100.0, most)
         failures = {one.unit - 1: one.time_s for one in self.failures}
-        with in_words_of(self, "failures"):
-            model = build(train, rail, self.line.line(), receptivity, failures, span)
         with in_words_of(self, "command"):
             command = DriverCommand(times, asked)
         with in_words_of(self):
             event = Event(
                 name=self.name,
-                model=model,
+                train=train,
+                rail=rail,
                 command=command,
                 onboard=onboard,
+                line=self.line.line(),
+                receptivity=receptivity,
+                failures=failures,
                 duration=self.duration_s,
                 initial_speed=speed,
                 initial_position=start,
@@ -448,8 +393,7 @@ class Scenario(Keys):
                 target_speed=None if self.target_speed_kmh is None else self.target_speed_kmh / 3.6,
                 seed=seed,
             )
-        with in_words_of(self.onboard, "onboard"):
-            _ = event.equipment  # refuses a train without traction, and what does not fit it
+            event.world()  # refuses what does not fit the train
         return event
 
     def _train(self) -> Train:

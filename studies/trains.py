@@ -1,6 +1,6 @@
 """A train of one's own as a TOML file: kinds of cars, and their order in the formation.
 
-The keys are those of the shipped sets in `alloc/old/plant/sets`, which are templates. A scenario names such a file as its
+The keys are those of the shipped sets in `alloc/sets`, which are templates. A scenario names such a file as its
 `train`; ``--plugin tram.toml`` makes its train known by its name.
 """
 
@@ -11,8 +11,8 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from alloc.old.plant.sets import train_of
-from alloc.old.plant.train import AirBrake, Car, Coupler, InverterGroup, MotorKind, Train
+from alloc.sets import train_of
+from alloc.train import AirBrake, Car, Coupler, InverterGroup, MotorKind, Train
 from studies import StudyError
 from studies.keys import Keys, checked, in_words_of, keys_of, read_toml, told_of
 

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import paper_figs
-from alloc.old.onboard.host import CONTROLLERS
-from alloc.old.rules import RULES
+from alloc.onboard.controllers import CONTROLLERS
+from alloc.rules import RULES
 from paper_figs.style import NARROW, WIDE
 from studies.catalogue import STUDIES
 

@@ -17,8 +17,8 @@ SMALL = ["--scenario", "wet-patch", "--rules", "alone", "cooperative", "--contro
          "--jobs", "1"]  # fmt: skip
 OWN_RULE = """
 import numpy as np
-from alloc.old.rules import RULES, Rule
-from alloc.old.rules.problem import CASE_A, allocation
+from alloc.rules import RULES, Rule
+from alloc.rules.problem import CASE_A, allocation
 
 def even(problem):
     limit = np.full(problem.n, problem.expected)

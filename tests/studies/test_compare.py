@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alloc.old.errors import InputError
+from alloc.errors import InputError
 from studies import compare
 from studies.compare import answer, as_json, grid, lines, standings, study_of
 from studies.core import run_study

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from alloc.old.metrics import evaluate
-from alloc.old.simulation import simulate
+from alloc.metrics import evaluate
+from alloc.simulation import simulate
 from studies.core import StudyError
 from studies.gymnasium_environment import PRICE, ReadhesionEnvironment
 from studies.scenario import load

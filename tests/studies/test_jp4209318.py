@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from alloc.old.estimation.wheel_damage import wheel_damage
-from alloc.old.metrics.use import damage, distance
+from alloc.estimation.wheel_damage import wheel_damage
+from alloc.metrics import damage, distance
 from studies.core import run_study
 from studies.jp4209318 import CALIBRATED, STEP, STUDY, TABLE_3, TABLE_4, cells, laws, stop, train
 

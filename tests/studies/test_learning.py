@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from alloc.old.onboard.increment_learning import IncrementLearning
-from alloc.old.plant.rail import GROWTH_SLOPE, logarithmic_increments
-from alloc.old.simulation import simulate
+from alloc.onboard.increment_learning import IncrementLearning
+from alloc.rail import GROWTH_SLOPE, logarithmic_increments
+from alloc.simulation import simulate
 from studies import learning as study
 from studies.core import StudyError
 from studies.scenario import load

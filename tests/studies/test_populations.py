@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from alloc.old.metrics import METRICS
+from alloc.metrics import METRICS
 from paper_figs.sharing import FIGURES
 from studies import braking, broad, claims, events, headroom, ladder
 from studies.core import BOOKKEEPING, markdown, run_study

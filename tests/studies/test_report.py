@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from alloc.old.rules import RULES
+from alloc.rules import RULES
 from studies.compare import grid, study_of
 from studies.core import StudyError, run_study
 from studies.report import write

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.old.estimation.brake_force import car_brake_forces, coupler_force_between
+from alloc.estimation.brake_force import car_brake_forces, coupler_force_between
 from studies.core import run_study
 from studies.rtri import (
     CUT_OUT,

@@ -12,8 +12,8 @@ import jsonschema
 import numpy as np
 import pytest
 
-from alloc.old.plant.adhesion import CURVES
-from alloc.old.plant.sets import SETS, find_set
+from alloc.curves import CURVES
+from alloc.sets import SETS, find_set
 from studies.core import StudyError
 from studies.scenario import (
     SHIPPED,

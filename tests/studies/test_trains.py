@@ -7,9 +7,9 @@ import jsonschema
 import numpy as np
 import pytest
 
-from alloc.old.plant import sets
-from alloc.old.plant.sets import find_set
-from alloc.old.simulation import simulate
+from alloc.plant import sets
+from alloc.sets import find_set
+from alloc.simulation import simulate
 from studies.core import StudyError
 from studies.scenario import SHIPPED, load, schema
 from studies.trains import read_train

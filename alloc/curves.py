@@ -1,0 +1,410 @@
+"""Adhesion curves: tangential force coefficient over slip velocity, by their parameters; one's own among them.
+
+A curve is a record with a name in `CURVES`. A run holds what it used: the `number` of the law, its `values` and the `table`
+of a curve of one's own, so that no class is needed to read it again.
+
+    curve = PolachCurve(decay=0.4)
+    curve(slip, peak, speed)       # coefficients
+    curve.top(speed, peak)         # largest coefficient, and the slip velocity there
+    own_curve("mine", lambda slip: slip * np.exp(-slip))
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from alloc.backends import compiled as law
+from alloc.compilation import jit
+from alloc.errors import PlantError
+from alloc.records import Record, quantity
+from alloc.registry import Registry
+
+Floats = NDArray[np.float64]
+PIECEWISE, POLACH, SLIP_RATIO, RATIONAL, TABULATED, POLACH_BY_FRICTION = range(6)
+KNOTS = 16_384
+"""Points of a table of one's own, at equal steps of slip / (slip + that of the peak)."""
+LARGEST = 20.0
+"""Slip velocity [m/s] below which a curve has its peak."""
+GOLDEN = 0.6180339887498949
+
+
+# Compiled: by the number of the curve
+
+
+@jit
+def coefficient(curve, values, own, slip, speed, rim, peak, contact):
+    """Tangential force coefficient at this slip velocity; `own`: table of a curve of one's own, see `shape_table`."""
+    q = values
+    if curve == PIECEWISE:
+        return law.piecewise_coefficient(slip, peak, q[0], q[1], q[2], q[3], q[4])
+    if curve == POLACH:
+        stiffness = q[4] * contact
+        return law.polach_coefficient(
+            slip, speed, rim, peak, q[0], q[1], q[2], q[3], stiffness
+        )  # fmt: skip
+    if curve == POLACH_BY_FRICTION:
+        return law.polach_by_friction(slip, speed, rim, peak, q[0], q[4] * contact)
+    if curve == SLIP_RATIO:
+        return law.slip_ratio_coefficient(slip, speed, rim, peak, q[0], q[1])
+    if curve == RATIONAL:
+        return law.rational_coefficient(slip, peak, q[0], q[1])
+    place = abs(slip) / (abs(slip) + own[0]) * (own.size - 2)
+    k = min(int(place), own.size - 3)
+    value = peak * (own[1 + k] + (place - k) * (own[2 + k] - own[1 + k]))
+    return value if slip >= 0.0 else -value
+
+
+@jit
+def top(curve, values, own, speed, peak, contact):
+    """Largest coefficient of a driving axle at this speed, and the slip velocity [m/s] there."""
+    q = values
+    if curve == PIECEWISE:
+        return peak, law.piecewise_top(peak, q[0], q[1], q[2], q[3])
+    if curve == SLIP_RATIO:
+        return peak, law.slip_ratio_top(speed, q[0])
+    if curve == RATIONAL:
+        return peak, q[0]
+    if curve == TABULATED:
+        return peak, own[0]
+    # Polach's by golden section search; the bracket holds the peak of every published set
+    low, width = 0.0, 0.1 * abs(speed) + 2.0
+    a, b = low + (1.0 - GOLDEN) * width, low + GOLDEN * width
+    at_a = coefficient(curve, values, own, a, speed, speed + a, peak, contact)
+    at_b = coefficient(curve, values, own, b, speed, speed + b, peak, contact)
+    for _ in range(40):
+        width *= GOLDEN
+        if at_a > at_b:
+            b, at_b = a, at_a
+            a = low + (1.0 - GOLDEN) * width
+            at_a = coefficient(curve, values, own, a, speed, speed + a, peak, contact)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + GOLDEN * width
+            at_b = coefficient(curve, values, own, b, speed, speed + b, peak, contact)
+    slip = low + 0.5 * width
+    return coefficient(curve, values, own, slip, speed, speed + slip, peak, contact), slip
+
+
+@jit
+def _coefficients(curve, values, own, slip, speed, peak, contact):
+    found = np.empty((1, slip.size))
+    for i in range(slip.size):
+        v, s = speed[i], slip[i]
+        found[0, i] = coefficient(curve, values, own, s, v, v + s, peak[i], contact[i])
+    return found
+
+
+@jit
+def _tops(curve, values, own, speed, peak, contact):
+    found = np.empty((2, speed.size))
+    for i in range(speed.size):
+        found[0, i], found[1, i] = top(curve, values, own, speed[i], peak[i], contact[i])
+    return found
+
+
+def _each(function: Any, curve: int, values: Floats, own: Floats, *given: ArrayLike) -> Any:
+    """What a compiled function finds for each element of arrays, which broadcast; (results, *shape)."""
+    arrays = np.broadcast_arrays(*[np.asarray(one, dtype=float) for one in given])
+    flat = [np.ascontiguousarray(one).ravel() for one in arrays]
+    return function(curve, values, own, *flat).reshape(-1, *arrays[0].shape)
+
+
+def tops(
+    curve: int, values: Floats, own: Floats,
+    speed: ArrayLike, peak: ArrayLike, contact: ArrayLike = 1.0,
+) -> Any:  # fmt: skip
+    """`top` of arrays, as of a record's (ticks, axles): largest coefficients, and slip velocities [m/s] there."""
+    return _each(_tops, curve, values, own, speed, peak, contact)
+
+
+def steepest(curve: int, values: Floats, own: Floats, peak: float, contact: float = 1.0) -> float:
+    """Greatest slope [s/m] over the slip velocity, at standstill, where it is greatest; the integration step needs it."""
+    slip = np.append(0.0, np.geomspace(1e-6, LARGEST, 2_000))
+    rise = np.diff(_each(_coefficients, curve, values, own, slip, 0.0, peak, contact)[0])
+    return float(np.abs(rise / np.diff(slip)).max())
+
+
+# Records: a field is a key of `[rail.curve]`
+
+
+@dataclass(frozen=True)
+class AdhesionCurve(Record):
+    """What all curves have: the law's number, parameters, table; coefficients and their top."""
+
+    number: ClassVar[int] = -1
+    error = PlantError
+
+    @property
+    def owner(self) -> str:
+        """As in `Record`."""
+        return "adhesion curve"
+
+    def _parameters(self) -> tuple[float, ...]:
+        """What the law takes."""
+        return ()
+
+    @property
+    def values(self) -> Floats:
+        """What the law takes, then zeros, (8,)."""
+        return np.append(self._parameters(), np.zeros(8))[:8]
+
+    @property
+    def table(self) -> Floats:
+        """`shape_table` of a curve of one's own; one zero for others."""
+        return np.zeros(1)
+
+    def contact(self, load: ArrayLike, radius: ArrayLike) -> Floats:
+        """Creep stiffness under a wheel load [N], half an axle's, on a wheel radius [m], over that in `values`."""
+        return np.ones(np.broadcast(load, radius).shape)
+
+    def __call__(
+        self, slip: ArrayLike, peak: ArrayLike, speed: ArrayLike = 0.0, contact: ArrayLike = 1.0
+    ) -> Floats:
+        """Tangential force coefficient at a slip velocity [m/s] where the rail offers `peak`; `speed` of the car [m/s]."""
+        of_curve = self.number, self.values, self.table
+        found: Floats = _each(_coefficients, *of_curve, slip, speed, peak, contact)[0]
+        return found
+
+    def top(self, speed: ArrayLike, peak: ArrayLike, contact: ArrayLike = 1.0) -> Any:
+        """Largest coefficient of a driving axle at `speed` [m/s], and the slip velocity [m/s] there."""
+        return tops(self.number, self.values, self.table, speed, peak, contact)
+
+
+@dataclass(frozen=True)
+class PiecewiseCurve(AdhesionCurve):
+    """Line, parabola, exponential.
+
+    Source: readhesion paper (1)-(6).
+    """
+
+    number = PIECEWISE
+    micro_slope: float = quantity(5.0, "s/m", above=0.0)
+    """Slope g1 at the origin."""
+    top_curvature: float = quantity(40.0, "(s/m)^2", above=0.0)
+    """Curvature C at the peak."""
+    macro_slope: float = quantity(0.05, "s/m", above=0.0)
+    """Slope g2 beyond the peak."""
+    residual_ratio: float = quantity(0.9, "1", most=0.999)
+    """Coefficient at infinite slip over the peak. Source: assumed: a trial calibration of the paper's findings."""
+    constant_residual: float | None = quantity(None, "1", above=0.0)
+    """Coefficient mu_inf at infinite slip, at every peak; at most `residual_ratio` of the peak counts. Left out: that
+    ratio of every peak. Source: readhesion paper (1)."""
+
+    def _parameters(self) -> tuple[float, ...]:
+        most = math.inf if self.constant_residual is None else self.constant_residual
+        shape = self.micro_slope, self.top_curvature, self.macro_slope, self.residual_ratio
+        return (*shape, most)
+
+
+# Creep stiffness of Polach's law, G pi a b C11 / (4 Q) with the half axes a along and b across the rail. Here a b is that
+# of a cylinder on a rail head of constant width, as in Open Rails (`Axle.cs`, `PolachCalculator`): it grows as sqrt(Q R), so
+# the stiffness falls as Q^-1/2.
+
+SHEAR_MODULUS, YOUNGS_MODULUS = 8.4e10, 2.07e11
+"""Of steel [Pa], as in Polach's and Open Rails' sets."""
+HALF_WIDTH = 6e-3
+"""Half of the contact's width across the rail [m]: Open Rails."""
+CYLINDER = 1.52
+"""Half length of a cylinder's contact over sqrt(load x radius / (length x modulus)): Hertz, Poisson's ratio 0.3."""
+WHEEL_LOAD, WHEEL_RADIUS = 1e5, 0.5
+"""Wheel load [N] and radius [m] of the contact that a curve describes where no axle is named."""
+
+
+@dataclass(frozen=True)
+class CreepCurve(AdhesionCurve):
+    """Polach's curves from wet to dry: B, kA, kS follow from the local friction coefficient, `laws.polach_by_friction`.
+
+    What the rail offers is that coefficient at rest, a little above the greatest tangential one.
+
+    Source: Polach, Wear 258 (2005), Table 3; Open Rails.
+    """
+
+    number = POLACH_BY_FRICTION
+    creep_stiffness: float | None = quantity(None, "1", above=0.0)
+    """Creep stiffness G pi a b C11 / (4 Q). Left out: that of each axle's wheel load and radius."""
+    half_axes_ratio: float = quantity(1.137, "1", least=0.1, most=2.0)
+    """Half axes a / b of the contact ellipse, a along the rail. Source: Hertz, for a cylinder of the reference contact."""
+    ratio_at_infinity: float = quantity(0.40, "1")
+    """Friction at infinite slip over that at rest, A."""
+
+    def _parameters(self, *shape: float) -> tuple[float, ...]:
+        """A; `shape`: B, kA, kS; creep stiffness, of the reference contact where none is given."""
+        cross = 2.0 * HALF_WIDTH * YOUNGS_MODULUS
+        area = math.pi * HALF_WIDTH * CYLINDER * math.sqrt(WHEEL_LOAD * WHEEL_RADIUS / cross)
+        ratio = self.half_axes_ratio
+        c11 = 0.32955 * ratio**2 + 0.48538 * ratio + 3.4992  # Open Rails' fit of Kalker's table
+        made = SHEAR_MODULUS * area * c11 / (4.0 * WHEEL_LOAD)
+        return self.ratio_at_infinity, *(shape or (0.0,) * 3), self.creep_stiffness or made
+
+    def contact(self, load: ArrayLike, radius: ArrayLike) -> Floats:
+        """As in `AdhesionCurve`: 1 where the creep stiffness is given."""
+        if self.creep_stiffness is not None:
+            return super().contact(load, radius)
+        load, radius = np.asarray(load, dtype=float), np.asarray(radius, dtype=float)
+        return np.asarray(np.sqrt(WHEEL_LOAD / load * (radius / WHEEL_RADIUS)))
+
+
+@dataclass(frozen=True)
+class PolachCurve(CreepCurve):
+    """Polach's curve with one set for every friction coefficient; by default his set for wet rail, 0.30.
+
+    Source: Polach, Wear 258 (2005), (1)-(9), Table 3.
+    """
+
+    number = POLACH
+    decay: float = quantity(0.20, "s/m", least=1e-9)
+    """Decay B of the friction over the slip velocity."""
+    adhesion_factor: float = quantity(0.30, "1", above=0.0)
+    """Reduction kA of the creep stiffness in the area of adhesion."""
+    slip_factor: float = quantity(0.10, "1", above=0.0)
+    """Reduction kS of the creep stiffness in the area of slip."""
+
+    def _parameters(self, *shape: float) -> tuple[float, ...]:
+        return super()._parameters(self.decay, self.adhesion_factor, self.slip_factor)
+
+
+@dataclass(frozen=True)
+class DryPolachCurve(PolachCurve):
+    """Polach's curve with his set for dry rail, whose friction coefficient is 0.55."""
+
+    decay: float = quantity(0.60, "s/m", least=1e-9)
+    adhesion_factor: float = quantity(1.00, "1", above=0.0)
+    slip_factor: float = quantity(0.40, "1", above=0.0)
+
+
+@dataclass(frozen=True)
+class SlipRatioCurve(AdhesionCurve):
+    """Curve by slip ratio, flat beyond its peak where `residual_ratio` is 1.
+
+    Source: assumed.
+    """
+
+    number = SLIP_RATIO
+    peak_slip_ratio: float = quantity(0.05, "1", above=0.0, most=0.999)
+    """Slip ratio of the peak."""
+    residual_ratio: float = quantity(1.0, "1", most=1.0)
+    """Coefficient far beyond the peak over that of the peak."""
+
+    def _parameters(self) -> tuple[float, ...]:
+        return self.peak_slip_ratio, self.residual_ratio
+
+
+@dataclass(frozen=True)
+class RationalCurve(AdhesionCurve):
+    """n x / (1 + (n - 2) x + x^2), x = slip / `peak_slip`: with n = 1.7 near the piecewise curve, with 15 to 50 Polach's.
+
+    Source: Kiencke and Daiss (1994), for tyres; the values are assumed.
+    """
+
+    number = RATIONAL
+    peak_slip: float = quantity(0.06, "m/s", above=0.0)
+    """Slip velocity of the peak."""
+    steepness: float = quantity(2.0, "1", above=0.0)
+    """Slope n at the origin over peak / `peak_slip`."""
+
+    def _parameters(self) -> tuple[float, ...]:
+        return self.peak_slip, self.steepness
+
+
+# Curves of one's own
+
+
+def shape_table(shape: Callable[[Floats], ArrayLike], owner: str) -> Floats:
+    """Slip velocity of the peak of `shape(slip)`, then the shape over its peak at `KNOTS` values of slip / (slip + that).
+
+    Raises `PlantError` for a shape that does not rise from 0 to one maximum.
+    """
+    slip = np.append(0.0, np.geomspace(1e-4, LARGEST, 20_000))
+    values = np.asarray(shape(slip), dtype=float)
+    if values.shape != slip.shape or not np.all(np.isfinite(values)) or values.min() < -1e-9:
+        raise PlantError(f"{owner}: give a finite value, 0 or greater, for every slip velocity")
+    best = int(values.argmax())
+    rises = np.all(np.diff(values[: best + 1]) > -1e-9 * values[best])
+    if not (0 < best < slip.size - 1 and rises and abs(values[0]) <= 1e-6 * values[best]):
+        raise PlantError(f"{owner}: it must rise from 0 to one maximum below {LARGEST:g} m/s")
+    places = np.append(np.arange(KNOTS) / np.arange(KNOTS, 0, -1), 1e6)
+    return np.append(slip[best], np.asarray(shape(slip[best] * places)) / values[best])
+
+
+@dataclass(frozen=True)
+class ShapedCurve(AdhesionCurve):
+    """Base of curves given by a `shape` over the slip velocity; the rail gives the peak, so only ratios of it count."""
+
+    number = TABULATED
+
+    def shape(self, slip: Floats) -> ArrayLike:
+        """Coefficient at slip velocities of 0 or more [m/s], to any scale."""
+        raise NotImplementedError
+
+    @cached_property
+    def table(self) -> Floats:
+        """As in `AdhesionCurve`; raises `PlantError` as `shape_table` does."""
+        return shape_table(self.shape, f"{self.owner} {type(self).__name__}")
+
+
+@dataclass(frozen=True)
+class ExponentialDifference(ShapedCurve):
+    """c exp(-a v) - d exp(-b v) over the slip velocity v, usual in work on locomotives; by default its peak is at 1.2 m/s.
+
+    Source: no single document.
+    """
+
+    a: float = quantity(0.54, "s/m", above=0.0)
+    """Decay beyond the peak."""
+    b: float = quantity(1.2, "s/m", above=0.0)
+    """Decay before the peak, above `a`."""
+    c: float = quantity(0.29, "1", above=0.0)
+    """Size of the first term, to any scale."""
+    d: float = quantity(0.29, "1", above=0.0)
+    """Size of the second term; that of the first, so that no slip has no force."""
+
+    def shape(self, slip: Floats) -> Floats:
+        """As in `ShapedCurve`."""
+        return self.c * np.exp(-self.a * slip) - self.d * np.exp(-self.b * slip)
+
+
+@dataclass(frozen=True)
+class TabulatedCurve(ShapedCurve):
+    """A curve of one's own as `own_curve` makes it; equal ones have equal tables."""
+
+    name: str
+    memory: bytes = field(repr=False)
+    """Its `shape_table`."""
+
+    @cached_property
+    def table(self) -> Floats:
+        """As in `AdhesionCurve`."""
+        return np.frombuffer(self.memory)
+
+
+def own_curve(name: str, shape: Callable[[Floats], ArrayLike] | ArrayLike) -> TabulatedCurve:
+    """A curve of this name by a function of the slip velocity [m/s], or by points (n, 2): slip velocity, coefficient.
+
+    Raises `PlantError` where it does not rise from 0 to one maximum, or points do not go on.
+    """
+    owner = f"adhesion curve {name}"
+    if callable(shape):
+        return TabulatedCurve(name, shape_table(shape, owner).tobytes())
+    points = np.atleast_2d(np.asarray(shape, dtype=float))
+    if points.ndim != 2 or points.shape[1] != 2 or not np.all(np.diff(points[:, 0]) > 0.0):
+        raise PlantError(f"{owner}: give points (n, 2) with growing slip velocities")
+    return TabulatedCurve(
+        name, shape_table(lambda slip: np.interp(slip, *points.T), owner).tobytes()
+    )
+
+
+POLACH_WET, POLACH_DRY = PolachCurve(), DryPolachCurve()
+
+CURVES: Registry[type[AdhesionCurve]] = Registry("adhesion curve")
+"""Adhesion curves by the name that files give them."""
+for _name, _class in {
+    "piecewise": PiecewiseCurve, "polach": PolachCurve, "slip-ratio": SlipRatioCurve, "rational": RationalCurve,
+    "polach-wet": PolachCurve, "polach-dry": DryPolachCurve, "polach-by-friction": CreepCurve,
+    "exponential-difference": ExponentialDifference,
+}.items():  # fmt: skip
+    CURVES.register(_name, _class)

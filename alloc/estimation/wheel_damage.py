@@ -1,0 +1,100 @@
+"""Tangential force of each axle and wheel damage Q from measured series, JP4209318 (2) to (4) and (28).
+
+Signs as in the plant: speeds >= 0, forces on the train positive in traction and negative in braking, slip velocity R omega -
+v. The source counts the brake force F_b and the tangential force F^_m as magnitudes and speeds negative. With positive
+speeds its bracket F_b - (J/R) d omega/dt reads F_b + (J/R) d omega/dt, and so it does here with F = -F_b:
+
+    tangential force  F_t = F - (J/R) d omega/dt                                        (2), (4)
+    wheel damage      Q = sum_i integral of F_t (R omega - v) dt, >= 0 driving and braking     (28)
+
+No measured speed is differentiated. The mean of F_t over a window is the impulse of F less the wheelset's gain of momentum,
+and the inertia's part of Q is the Stieltjes integral of the slip velocity over omega.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from alloc.errors import EstimationError
+from alloc.estimation.series import finite_series, mean_rate, positive_series
+
+Floats = NDArray[np.float64]
+
+
+def _checked(
+    time: ArrayLike, applied: ArrayLike, omega: ArrayLike, inertia: ArrayLike, radius: ArrayLike
+) -> tuple[Floats, ...]:
+    """The arguments that both functions have, as arrays that fit together; raises `EstimationError`."""
+    time = finite_series("time", time, (None,))
+    if time.size < 2 or not np.all(np.diff(time) > 0.0):
+        raise EstimationError(
+            "time must grow from instant to instant and have two instants or more"
+        )
+    applied = finite_series("applied_force", applied, (time.size, None))
+    omega = finite_series("angular_speed", omega, applied.shape)
+    inertia = positive_series("inertia", inertia, (), applied.shape[1:])
+    radius = positive_series("radius", radius, (), applied.shape[1:])
+    return time, applied, omega, inertia, radius
+
+
+def tangential_force(
+    time: ArrayLike,
+    applied_force: ArrayLike,
+    angular_speed: ArrayLike,
+    inertia: ArrayLike,
+    radius: ArrayLike,
+    window: float,
+) -> Floats:
+    """Force [N] that the rail exerts on each axle, mean over `window` [s] around each instant, (instants, axles).
+
+    `time` [s] (instants,); `applied_force` [N] (instants, axles): motors and brakes together at the rim, positive in
+    traction; `angular_speed` [rad/s] (instants, axles); `inertia` [kg m2] of the wheelset with everything geared to it and
+    `radius` [m], () or (axles,). At the ends of the series the window is shortened.
+
+    The mean is exact for series that are linear between instants. White noise of the rim speed with standard deviation s
+    gives a noise of the force of sqrt(2) J s / (R^2 window). Raises `EstimationError`. Source: JP4209318 (2), (4).
+    """
+    time, applied, omega, inertia, radius = _checked(
+        time, applied_force, angular_speed, inertia, radius
+    )
+    shortest = float(np.diff(time).max())
+    if not window >= shortest * (1.0 - 1e-9):
+        raise EstimationError(f"window = {window!r} s is shorter than the sampling, {shortest:g} s")
+    step = np.diff(time)[:, None]
+    given = np.zeros_like(applied)
+    np.cumsum(0.5 * (applied[1:] + applied[:-1]) * step, axis=0, out=given[1:])
+    impulse = given - inertia / radius * omega
+    return np.stack([mean_rate(time, column, window) for column in impulse.T], axis=1)
+
+
+def wheel_damage(
+    time: ArrayLike,
+    applied_force: ArrayLike,
+    angular_speed: ArrayLike,
+    speed: ArrayLike,
+    inertia: ArrayLike,
+    radius: ArrayLike,
+) -> Floats:
+    """Wheel damage Q [J] of each axle accumulated since the first instant, (instants, axles); JP4209318 (28).
+
+    `speed` [m/s] of the train (instants,), or at each axle (instants, axles); the rest as in `tangential_force`. The train's
+    Q is the sum over the axles of the last row. Without slide, R omega = v, it is 0 (29).
+
+    Exact for series that are linear between instants; in braked runs of the plant 2e-5 off at records of 10 ms and 9e-4 at
+    100 ms. White noise of the speeds does not bias Q: no noise is multiplied by its own change. A relative error of the
+    radius or of the train's speed does: it adds as much of the work of F_t. Raises `EstimationError`.
+    """
+    time, applied, omega, inertia, radius = _checked(
+        time, applied_force, angular_speed, inertia, radius
+    )
+    train = finite_series("speed", speed, time.shape, applied.shape)
+    slip = radius * omega - (train if train.ndim == 2 else train[:, None])
+    step = np.diff(time)[:, None]
+    # product of two straight lines, integrated
+    given = (
+        applied[:-1] * (2.0 * slip[:-1] + slip[1:]) + applied[1:] * (slip[:-1] + 2.0 * slip[1:])
+    ) * (step / 6.0)
+    # integral of slip d omega along a straight line; its R omega d omega is exactly the gain of omega^2 R / 2
+    turned = inertia / radius * 0.5 * (slip[1:] + slip[:-1]) * np.diff(omega, axis=0)
+    damage = np.zeros_like(applied)
+    np.cumsum(given - turned, axis=0, out=damage[1:])
+    return damage

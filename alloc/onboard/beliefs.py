@@ -1,0 +1,241 @@
+"""What the leader believes that each unit can carry, and when it asks its rule.
+
+In: what the units have reported, `said` and `heard` as of `alloc.parts.belief`. Out: `unit.cap` and `unit.most`, between
+which a rule shares. While nothing limits the train no rule is asked and limits are lifted: every unit keeps the plan.
+
+The patent waits for slip (`front_detected`, `any_detected`). The others go by reports: good controllers cut torque without
+slip. A limited unit carries what it delivers, any other its `mark`, what it has shown, which rises slowly.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from alloc.columns import NEVER
+from alloc.compilation import jit
+from alloc.onboard.sensing import ROUNDING, sight
+from alloc.parts import belief
+
+
+class Belief(NamedTuple):
+    """A belief of the leader, a part of a rule; `told`: what the rule is told, and when, in a few words."""
+
+    name: str
+    function: Callable[..., Any]
+    told: str
+    knows: bool = False
+    """Whether that is the truth, which no computer on board can know; speed and orders are true then too."""
+
+
+RISE = 0.01
+"""Rise of a mark, plan/s: a peak of a few hundredths is tried again after some seconds, and a rail that wheels clean is
+followed. Where limits may rise at once, sharing loses 1 to 2 points of the bound and wheels suffer up to a third more."""
+ROOM = 1.06
+"""Limit over what a limited unit delivers [1]: a search that is held at what it delivers would never reach the peak."""
+SLEW = 0.6
+"""Rise of limits beyond the plan, over that of torque to the plan [1]."""
+FORGET = 5.0
+"""Time constant of a limited unit's mark that it no longer reaches, in `front` [s]: longer than a cycle of cut and ramp."""
+HELD = 1.0
+"""Time for which a unit that was limited still counts as such [s]: a search takes as long."""
+LEAST = 0.01
+"""Smallest cap of a limited unit [1]."""
+
+
+@belief
+def front_detected(tick, units, said, heard, run):
+    """JP5484215 (5), S203 to S216: what the leader held at its detection, for `run.hold`, and increments along the train."""
+    if units.size == 0:
+        return False
+    run.needed = run.plan  # the patent's trailers brake themselves
+    front = units[run.leader]
+    for u in units:
+        u.most = able(u, run)
+        u.cap = max(front.held + u.increment - front.increment, 0.0)
+    if run.plan == 0.0 or not within(front.detected, run.hold, run):
+        return lift(units, run)
+    return answers(front.detected == run.time, run)
+
+
+@belief
+def any_detected(tick, units, said, heard, run):
+    """JP5484215 (5) from the foremost unit whose slip counts; any other that slipped has what it found itself (par. 0063).
+
+    The cap of units ahead of all that slipped is the plan.
+    """
+    run.needed = run.plan
+    front, changed = -1, False
+    for j in range(units.size):
+        u = units[j]
+        sent, detected = heard[tick, j], news(j, tick, units, said, heard)[2]
+        held = u.held if sent == tick else said[sent, j].held
+        if not within(detected, run.hold, run):
+            detected = NEVER
+        changed = changed or detected != u.counted
+        u.counted, u.most, u.cap = detected, able(u, run), run.plan
+        if detected > NEVER:
+            u.cap, front = held, j if front < 0 else front
+        elif front >= 0:
+            u.cap = max(units[front].cap + u.increment - units[front].increment, 0.0)
+    if run.plan == 0.0 or front < 0:
+        return lift(units, run)
+    return answers(changed, run)
+
+
+@belief
+def front(tick, units, said, heard, run):
+    """JP5484215 (5) from what the foremost limited unit that works has shown; a limited unit's mark fades within `FORGET`.
+
+    No cap is below what a unit shows without slip: else each dip of the foremost would keep the whole train below the plan.
+    Where failures alone limit the train the caps are the plan.
+    """
+    run.needed = run.plan
+    if not hear(tick, units, said, heard, run, False):
+        return False
+    first = -1
+    for j in range(units.size):
+        u = units[j]
+        limited, _, _, works = news(j, tick, units, said, heard)
+        if u.searching:
+            before = u.heard if u.mark == math.inf else u.mark
+            u.mark = max(u.heard, before + (u.heard - before) * run.telegram / FORGET)
+        else:
+            u.mark = risen(u, run)
+        if first < 0 and works and recent(limited, run) and u.mark < math.inf:
+            first = j
+    for j in range(units.size):
+        u = units[j]
+        limited, slipped, _, works = news(j, tick, units, said, heard)
+        u.cap = run.plan
+        if first >= 0:
+            u.cap = max(units[first].mark + u.increment - units[first].increment, 0.0)
+        if recent(limited, run) and u.mark < math.inf:
+            u.cap = max(u.mark, ROOM * u.heard)
+        elif heard[tick, j] * run.period - slipped >= run.telegram - ROUNDING:
+            u.cap = max(u.cap, min(u.mark, max(run.plan, u.heard)))
+        if not works:
+            u.cap = min(u.cap, u.most)
+    return True
+
+
+@belief
+def delivered(tick, units, said, heard, run):
+    """Marks of all units, while one is limited, and always in blended braking: trailers' brakes may lack their part."""
+    return mark(tick, units, said, heard, run, run.braking == 1)
+
+
+@belief
+def delivered_always(tick, units, said, heard, run):
+    """Marks of all units, with every telegram."""
+    return mark(tick, units, said, heard, run, True)
+
+
+@jit
+def mark(tick, units, said, heard, run, always):
+    """A limited unit's cap and mark are what it delivers; any other's mark rises slowly, and is its cap."""
+    if not hear(tick, units, said, heard, run, always):
+        return False
+    for u in units:
+        u.mark = u.cap = max(u.heard, LEAST) if u.searching else risen(u, run)
+    return True
+
+
+@jit
+def hear(tick, units, said, heard, run, always):
+    """Read the newest reports: `heard`, `searching`, `most` of each unit; whether the rule is asked, with a telegram."""
+    active = always
+    for j in range(units.size):
+        u, sent = units[j], heard[tick, j]
+        limited = news(j, tick, units, said, heard)[0]
+        u.heard = max(u.delivered if sent == tick else said[sent, j].delivered, 0.0)
+        u.searching = 1 if limited > (sent - 0.5) * run.period else 0
+        before = run.plan if u.wanted == math.inf else max(u.wanted, run.plan)
+        u.most = min(able(u, run), before + SLEW * run.plan * run.telegram / run.rise)
+        active = active or recent(limited, run) or u.most < run.plan
+    if run.plan == 0.0 or not active:
+        return lift(units, run)
+    return units.size > 0 and tick % round(run.telegram / run.period) == 0
+
+
+@jit
+def risen(u, run):
+    """A unit's mark [1] a telegram on, no less than it delivers; that of a unit never limited is infinite."""
+    return max(u.mark + RISE * run.plan * run.telegram, u.heard)
+
+
+@belief
+def known(tick, units, said, heard, run):
+    """The true coefficients, every period: what no computer on board can know."""
+    for u in units:
+        u.most, u.cap = able(u, run), u.truth
+    if run.plan == 0.0:
+        return lift(units, run)
+    return units.size > 0
+
+
+@jit
+def able(u, run):
+    """Largest limit [1] of a unit by its motors and by what it sees; blended brakes have air for the rest."""
+    if run.braking:
+        return math.inf
+    bound = u.drive_limit if run.sign > 0.0 else u.brake_limit
+    at_rail = bound * u.gear / ((1.0 + u.turning) * u.load * u.radius)
+    return min(at_rail, sight(u, run)) if u.works else 0.0
+
+
+@jit
+def within(instant, span, run):
+    """Whether an instant lies no more than `span` [s] back."""
+    return run.time - instant <= span + ROUNDING
+
+
+@jit
+def recent(instant, run):
+    """Whether a unit that was limited then still counts as such."""
+    return run.time - instant < HELD - ROUNDING
+
+
+@jit
+def answers(asked, run):
+    """Whether the rule is asked: where the belief asks it, or the driver has changed the plan that it answered to."""
+    asked = asked or run.plan != run.answered
+    if asked:
+        run.answered = run.plan
+    return asked
+
+
+@jit
+def lift(units, run):
+    """Limits are lifted, marks forgotten, the rule is not asked."""
+    for u in units:
+        u.wanted = u.mark = math.inf
+        u.counted, u.searching = NEVER, 0
+    run.level, run.case, run.answered = math.nan, 0, math.nan
+    return False
+
+
+@jit
+def news(j, tick, units, said, heard):
+    """Unit `j` by its newest report: last instants at which it was limited, slipped, detected slip; whether it works."""
+    sent = heard[tick, j]
+    if sent == tick:
+        u = units[j]
+        return u.limited, u.slipped, u.detected, u.works
+    report = said[sent, j]
+    return report.limited, report.slipped, report.detected, report.works
+
+
+BELIEFS = {
+    one.name: one
+    for one in (
+        Belief("front detected", front_detected, "the leader's adhesion, at its slip"),
+        Belief(
+            "any detected", any_detected, "every unit's adhesion at its slip, at any unit's slip"
+        ),
+        Belief("front", front, "the foremost limited unit's adhesion, while a unit is limited"),
+        Belief("delivered", delivered, "what every unit delivers, while a unit is limited"),
+        Belief("delivered always", delivered_always, "what every unit delivers, always"),
+        Belief("known", known, "the true rail, always", knows=True),
+    )
+}
+"""By name."""

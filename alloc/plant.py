@@ -1,0 +1,470 @@
+"""The plant: right side, Runge-Kutta steps, rail that wheels clean, cylinders behind their dead time; traction positive.
+
+State: positions and speeds of the bodies (cars, or one rigid train), angular speeds of the axles, torques of the units,
+pressures of the brake groups, friction work of the axles; then work of motors, of shoes, against resistance and gradient, of
+couplers. Rows of the tables hold what is constant over a step, and note what is of the last instant asked for.
+
+What few events have (patches, scatter, cleaning, load transfer, shoes, parallel motors) stands in loops of its own, and what
+a loop reads of a single row it reads before: compiled code must otherwise read it again after every write.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from alloc import laws
+from alloc.backends import compiled as law
+from alloc.compilation import jit
+from alloc.curves import PIECEWISE, coefficient, steepest, top
+from alloc.tables import Rows
+
+FLOOR = 1e-3
+"""Smallest adhesion coefficient: scatter and increments must not make it zero."""
+USED, BACK = 0.995, 0.8
+"""Share of the true adhesion that the oracle uses: at the very peak no torque can be held. Share of what a wheel beyond the
+peak carries that it leaves to it, so that the wheel comes back."""
+STABLE = 2.0
+"""Step times fastest rate; classical Runge-Kutta is stable below 2.78."""
+STROKE = 0.1
+"""Longest elongation of a coupler [m] for which a step is stable."""
+
+
+part: Any = njit(inline="always", error_model="numpy")
+"""Decorator of a part of the right side: inlined, it spares the count of who holds each array, a sixth of the time."""
+
+
+@jit
+def places(axles, cars, units, brakes, plant):
+    """Number of bodies; where angular speeds, torques, pressures and friction work begin in the state; works follow."""
+    bodies = 1 if plant.body_mass > 0.0 else cars.size
+    omega = 2 * bodies
+    torque = omega + axles.size
+    pressure = torque + units.size
+    return bodies, omega, torque, pressure, pressure + brakes.size
+
+
+@jit
+def look_up(table, place):
+    """Value of a table at a place between its points; beyond an end that of the end."""
+    place = min(max(place, 0.0), table.size - 1.000001)
+    k = int(place)
+    return table[k] + (place - k) * (table[k + 1] - table[k])
+
+
+# The right side
+
+
+@part
+def find_offered(t, y, axles, bodies, patches, scatter, plant):
+    """Adhesion coefficient that the rail offers to each axle."""
+    offset = plant.law_offset
+    decline = law.speed_law(y[bodies], 1.0, offset, 0.0)
+    for i in range(axles.size):
+        a = axles[i]
+        if bodies > 1:
+            decline = law.speed_law(y[bodies + a.body], 1.0, offset, 0.0)
+        a.offered = a.law_numerator * decline + a.law_constant + a.increment
+    for k in range(patches.size):
+        p = patches[k]
+        change = law.window(t, p.begin, p.until, p.fade) * (p.factor - 1.0)
+        if change != 0.0:
+            for i in range(axles.size):
+                a = axles[i]
+                inside = law.window(y[a.body] + a.offset, p.start, p.end, p.edge)
+                a.offered += change * inside * (a.offered - a.increment)
+    if plant.scatter_length > 0.0:
+        for i in range(axles.size):
+            a = axles[i]
+            knot = (y[a.body] + a.offset) / plant.scatter_length
+            k = math.floor(knot)
+            here, ahead = scatter[k % scatter.size], scatter[(k + 1) % scatter.size]
+            a.offered += here + law.smooth_step(knot - k) * (ahead - here)
+    if plant.conditioning > 0.0:
+        for i in range(axles.size):
+            axles[i].offered *= 1.0 + plant.conditioning * axles[i].cleaned
+    for i in range(axles.size):
+        axles[i].offered = max(axles[i].offered, FLOOR)
+    if plant.recovered > 0.0:
+        for i in range(axles.size):
+            a = axles[i]
+            degree = law.both_cleaned(a.recovery, a.cleaned)
+            a.offered = law.recovered(a.offered, degree, plant.recovered)
+
+
+@part
+def find_coefficients(y, axles, bodies, omega, own_curve, plant):
+    """Slip velocity and tangential force coefficient of each axle."""
+    curve, q = plant.curve, plant.curve_values
+    q0, q1, q2, q3, q4 = q[0], q[1], q[2], q[3], q[4]
+    speed = y[bodies]
+    if curve == PIECEWISE:  # what depends on its parameters alone is computed once
+        for i in range(axles.size):
+            a = axles[i]
+            if bodies > 1:
+                speed = y[bodies + a.body]
+            slip = a.radius * y[omega + i] - speed
+            a.slip_velocity = slip
+            a.coefficient = law.piecewise_coefficient(slip, a.offered, q0, q1, q2, q3, q4)
+        return
+    for i in range(axles.size):
+        a = axles[i]
+        speed, rim = y[bodies + a.body], a.radius * y[omega + i]
+        a.slip_velocity = rim - speed
+        a.coefficient = coefficient(
+            curve, q, own_curve, rim - speed, speed, rim, a.offered, a.contact
+        )
+
+
+@part
+def shift_loads(axles, cars):
+    """Axle loads as cars and bogies pitch under their rail force, in closed form: no iteration between force and load."""
+    for i in range(axles.size):
+        a, c = axles[i], cars[axles[i].car]
+        c.force += a.coefficient * a.static_load
+        c.pitch += a.coefficient * a.unloading
+    for i in range(axles.size):
+        a, c = axles[i], cars[axles[i].car]
+        force = law.car_force(c.force, c.pitch)
+        a.axle_load = law.axle_load(a.static_load, a.unloading, force)
+    for k in range(cars.size):
+        cars[k].force, cars[k].pitch = 0.0, 0.0
+
+
+@part
+def divide_torque(t, y, dy, axles, units, omega, torque):
+    """Motors in parallel on one frequency: what each gives beside the mean torque; the work of it [W]."""
+    work = 0.0
+    for i in range(axles.size):
+        a = axles[i]
+        if a.unit >= 0 and units[a.unit].slip_torque > 0.0 and t < units[a.unit].failure:
+            u = units[a.unit]
+            mean, own = a.gear * dy[torque + a.unit] / u.axles, a.gear * y[omega + i]
+            more = a.gear * law.parallel_torque(0.0, u.slip_torque, mean, own)
+            dy[omega + i] += more / a.inertia
+            work += more * y[omega + i]
+    return work
+
+
+@part
+def press_shoes(y, dy, axles, brakes, omega, pressure):
+    """Shoes against the rotation of each wheelset; the work lost in them [W]."""
+    work = 0.0
+    for i in range(axles.size):
+        a = axles[i]
+        if a.brake >= 0:
+            b, turning = brakes[a.brake], y[omega + i]
+            friction = law.speed_law(
+                a.radius * turning, b.friction_numerator, b.friction_offset, b.friction_constant
+            )
+            bound = a.radius * a.shoe_gain * y[pressure + a.brake] * friction
+            shoe = law.shoe_torque(dy[omega + i] * a.inertia, turning, bound, a.inertia)
+            dy[omega + i] -= shoe / a.inertia
+            a.brake_force = shoe / a.radius
+            work += shoe * turning
+    return work
+
+
+@part
+def pull_cars(y, dy, cars, bodies, line, plant):
+    """Accelerations of the bodies; power against resistance and gradient, and power that couplers take in [W]."""
+    origin, spacing, mass = plant.line_origin, plant.line_spacing, plant.body_mass
+    total, lost, taken = 0.0, 0.0, 0.0
+    for k in range(cars.size):
+        c, b = cars[k], cars[k].body
+        place = min(max((y[b] + c.middle - origin) / spacing, 0.0), line.size - 1.000001)
+        here = line[int(place)]
+        grade, air, curving = here.grade, here.air, here.curving
+        if line.size > 1:
+            part, ahead = place - int(place), line[int(place) + 1]
+            grade += part * (ahead.grade - grade)
+            air += part * (ahead.air - air)
+            curving += part * (ahead.curving - curving)
+        speed, constant = y[bodies + b], c.resistance + c.mass * law.GRAVITY * curving
+        drag = law.resistance(speed, constant, c.resistance_linear, c.resistance_quadratic * air)
+        drag += law.gradient_force(c.mass, grade)
+        lost += drag * speed
+        total += c.force - drag
+        if mass == 0.0:
+            dy[k], dy[bodies + k] = speed, c.force - drag
+    if mass > 0.0:
+        dy[0], dy[1] = y[1], total / mass
+        return lost, taken
+    for k in range(bodies - 1):
+        c, rate = cars[k], y[bodies + k] - y[bodies + k + 1]
+        tension = law.coupler_force(
+            y[k] - y[k + 1], rate, c.stiffness, c.stiffening, c.damping, c.slack
+        )
+        c.coupler_force = tension
+        taken += tension * rate
+        dy[bodies + k] -= tension
+        dy[bodies + k + 1] += tension
+    for k in range(bodies):
+        dy[bodies + k] /= cars[k].mass
+    return lost, taken
+
+
+@part
+def reset(dy, cars, units, torque):
+    """Zero what sums over axles; whether motors run in parallel."""
+    parallel = False
+    for k in range(cars.size):
+        cars[k].force, cars[k].pitch = 0.0, 0.0
+    for j in range(units.size):
+        dy[torque + j] = 0.0  # sums angular speeds first
+        parallel = parallel or units[j].slip_torque > 0.0
+    return parallel
+
+
+@part
+def turn_wheels(y, dy, axles, cars, omega, torque, friction, pitches):
+    """Rail forces, and the wheelsets under them and their motors; sums each unit's angular speeds; power of the motors."""
+    motors = 0.0
+    for i in range(axles.size):
+        a, turning = axles[i], y[omega + i]
+        load = a.axle_load if pitches else a.static_load
+        force = a.coefficient * load
+        a.axle_load, a.rail_force, a.brake_force = load, force, 0.0
+        cars[a.car].force += force
+        at_wheel = -a.radius * force
+        if a.unit >= 0:
+            driving = a.gear * y[torque + a.unit]
+            at_wheel += driving
+            motors += driving * turning
+            dy[torque + a.unit] += turning
+        dy[omega + i] = at_wheel / a.inertia
+        dy[friction + i] = force * a.slip_velocity
+    return motors
+
+
+@part
+def fill_cylinders(y, dy, brakes, pressure):
+    """Rates of the pressures; their sum."""
+    pressed = 0.0
+    for g in range(brakes.size):
+        b, p = brakes[g], y[pressure + g]
+        pressed += p
+        dy[pressure + g] = law.pressure_rate(p, b.filling, b.acting, b.fill_time, b.release_time)
+    return pressed
+
+
+@part
+def drive_motors(t, y, dy, units, effort, retard, torque, plant):
+    """Rates of the torques, behind commands within what motors and line allow at the units' rim speeds."""
+    share = law.power_taken(
+        t, plant.receptivity, plant.receptivity_swing, plant.receptivity_period, plant.receptivity_phase
+    )  # fmt: skip
+    for j in range(units.size):
+        u = units[j]
+        kmh = 3.6 * abs(dy[torque + j]) * u.true_radius / u.axles
+        drive, brake = look_up(effort[j], kmh), share * look_up(retard[j], kmh)
+        if t >= u.failure:
+            drive = brake = 0.0
+        dy[torque + j] = law.torque_rate(y[torque + j], u.applied, drive, brake, u.lag)
+
+
+@jit
+def derivative(
+    t, y, dy, axles, cars, units, brakes, patches, line, effort, retard, own_curve, scatter, plant
+):
+    """Right side `dy` of the state `y` at the instant `t`; the rows note what is of this instant."""
+    bodies, omega, torque, pressure, friction = places(axles, cars, units, brakes, plant)
+    works, pitches = friction + axles.size, plant.pitches
+    parallel = reset(dy, cars, units, torque)
+    find_offered(t, y, axles, bodies, patches, scatter, plant)
+    find_coefficients(y, axles, bodies, omega, own_curve, plant)
+    if pitches:
+        shift_loads(axles, cars)
+    motors = turn_wheels(y, dy, axles, cars, omega, torque, friction, pitches)
+    if parallel:
+        motors += divide_torque(t, y, dy, axles, units, omega, torque)
+    shoes = 0.0
+    if fill_cylinders(y, dy, brakes, pressure) > 0.0:
+        shoes = press_shoes(y, dy, axles, brakes, omega, pressure)
+    lost, taken = pull_cars(y, dy, cars, bodies, line, plant)
+    drive_motors(t, y, dy, units, effort, retard, torque, plant)
+    dy[works], dy[works + 1], dy[works + 2], dy[works + 3] = motors, shoes, lost, taken
+
+
+@jit
+def note(y, dy, axles, cars, units, brakes, plant, run):
+    """Columns of the record that follow from the state and its `derivative`."""
+    bodies, omega, _, pressure, friction = places(axles, cars, units, brakes, plant)
+    for i in range(axles.size):
+        axles[i].rim_speed = axles[i].radius * y[omega + i]
+        axles[i].friction_work = y[friction + i]
+    mass, momentum, force = 0.0, 0.0, 0.0
+    for k in range(cars.size):
+        c = cars[k]
+        c.car_speed, c.car_acceleration = y[bodies + c.body], dy[bodies + c.body]
+        mass += c.mass
+        momentum += c.mass * c.car_speed
+        force += c.mass * c.car_acceleration
+    for g in range(brakes.size):
+        brakes[g].cylinder_pressure = y[pressure + g]
+    works = friction + axles.size
+    run.position, run.speed, run.acceleration = y[0], momentum / mass, force / mass
+    run.motor_work, run.shoe_work = y[works], y[works + 1]
+    run.resistance_work, run.coupler_work = y[works + 2], y[works + 3]
+
+
+# Between the steps: cylinders behind their dead time, rail that wheels clean
+
+
+@jit
+def respond(t, brakes, asked, period):
+    """Cylinders do what was asked of them their dead time ago: `asked` (ticks, brakes), rows recorded so far."""
+    for g in range(brakes.size):
+        b = brakes[g]
+        tick = math.floor((t - b.dead_time) / period + 1e-6)
+        b.filling, b.acting = 0.0, 0.0
+        if tick >= 0:
+            b.filling, b.acting = asked[tick, g].pressure_target, asked[tick, g].valve
+
+
+@jit
+def read_rail(y, axles, rail, cell):
+    """What wheels ahead have left under each axle; `rail` is a ring of cells."""
+    for i in range(axles.size):
+        a = axles[i]
+        place = (y[a.body] + a.offset) / cell
+        k = math.floor(place)
+        here = rail[k % rail.size]
+        a.cleaned = here + (place - k) * (rail[(k + 1) % rail.size] - here)
+
+
+@jit
+def clean_rail(y, before, axles, bodies, omega, friction, span, rail, plant):
+    """Each axle cleans the cells that it has left behind in a step of `span` [s]; the foremost begins new ones.
+
+    Slip cleans them (JP4209318 par. 0051), or what has recovered a contact stays in part. `before`: state at its begin.
+    """
+    for i in range(axles.size):
+        a, b = axles[i], axles[i].body
+        speed, rim = y[bodies + b], a.radius * y[omega + i]
+        if plant.recovered > 0.0:
+            power = (y[friction + i] - before[friction + i]) / span
+            energy, lag = plant.recovery_energy, plant.recovery_time
+            a.recovery = law.recovery(a.recovery, power, speed, energy, lag, span)
+            degree = plant.recovery_left * law.both_cleaned(a.recovery, a.cleaned)
+        else:
+            ratio = (rim - speed) / max(abs(speed), abs(rim), 1e-3)
+            degree = law.cleaned(ratio, plant.conditioning_slip)
+        now = math.floor((y[b] + a.offset) / plant.cell)
+        if a.cell < now - rail.size or a.cell > now:
+            a.cell = now
+        for k in range(a.cell, now + 1 if i == 0 else now):
+            if i == 0:
+                rail[(k + 2) % rail.size] = 0.0
+            if k < now:
+                rail[k % rail.size] = max(rail[k % rail.size], degree)
+        a.cell = now
+
+
+@jit
+def advance(
+    t, y, stages, axles, cars, units, brakes, patches, line, effort, retard, own_curve, scatter, rail, plant, asked
+):  # fmt: skip
+    """One control period from `t` on by classical Runge-Kutta steps of equal length, `plant.step` at most."""
+    stage, slope, end = stages[0], stages[1], stages[2]
+    bodies, omega, _, _, friction = places(axles, cars, units, brakes, plant)
+    period, cleans = plant.period, plant.conditioning > 0.0 or plant.recovered > 0.0
+    steps = max(1, math.ceil(period / plant.step - 1e-9))
+    h = period / steps
+    for s in range(steps):
+        now = t + s * h
+        respond(now, brakes, asked, period)
+        if cleans:
+            read_rail(y, axles, rail, plant.cell)
+        for r in range(y.size):
+            stage[r] = end[r] = y[r]
+        for share, reach, at in (
+            (1.0 / 6.0, 0.5, 0.0), (1.0 / 3.0, 0.5, 0.5), (1.0 / 3.0, 1.0, 0.5), (1.0 / 6.0, 0.0, 1.0)
+        ):  # fmt: skip
+            derivative(
+                now + at * h, stage, slope, axles, cars, units, brakes, patches, line, effort, retard, own_curve,
+                scatter, plant,
+            )  # fmt: skip
+            for r in range(y.size):
+                end[r] += share * h * slope[r]
+                stage[r] = y[r] + reach * h * slope[r]
+        if cleans:
+            clean_rail(end, y, axles, bodies, omega, friction, h, rail, plant)
+        for r in range(y.size):
+            y[r] = end[r]
+
+
+# What the oracle and the integrator need to know
+
+
+@jit
+def true_limits(
+    t, y, stage, axles, cars, units, brakes, patches, line, own_curve, scatter, plant, run
+):
+    """What each unit and each trailer's brake can carry, now and as far ahead as a torque cannot be changed: the oracle's.
+
+    Writes `unit.truth` and `brake.most`; `stage` is room for a state.
+    """
+    bodies, omega, _, _, _ = places(axles, cars, units, brakes, plant)
+    ahead = plant.period
+    for j in range(units.size):
+        units[j].truth = math.inf
+        ahead = max(ahead, plant.period + 2.0 * units[j].lag)
+    for g in range(brakes.size):
+        brakes[g].most = math.inf
+    for reach in (ahead, 0.0):
+        for b in range(bodies):
+            stage[b], stage[bodies + b] = y[b] + reach * y[bodies + b], y[bodies + b]
+        find_offered(t + reach, stage, axles, bodies, patches, scatter, plant)
+        for i in range(axles.size):
+            a = axles[i]
+            most, place = top(
+                plant.curve, plant.curve_values, own_curve, y[bodies + a.body], a.offered, a.contact
+            )
+            load = law.axle_load(a.static_load, a.unloading, cars[a.car].force)
+            carried = USED * most * load
+            if run.sign * (a.radius * y[omega + i] - y[bodies + a.body]) > 1.05 * place:
+                carried = min(carried, BACK * run.sign * a.rail_force)
+            if a.unit >= 0:
+                units[a.unit].truth = min(units[a.unit].truth, carried)
+            elif a.brake >= 0:
+                brakes[a.brake].most = min(brakes[a.brake].most, carried)
+    for j in range(units.size):  # a part turns the wheelsets, as the train goes, not as planned
+        u = units[j]
+        turning = u.inertia / u.radius**2 * run.sign * run.acceleration
+        share = 1.0 + (u.brake_turning if run.braking else u.turning)
+        u.truth = max(u.truth + turning, 0.0) / (share * u.load)
+
+
+def stable_step(
+    axles: Rows, cars: Rows, units: Rows, brakes: Rows, patches: Rows, own_curve: Any, scatter: Any, plant: Any
+) -> float:  # fmt: skip
+    """`plant.step` [s], or a shorter even part of the period at which contacts, shoes, motors and couplers are stable."""
+    peak = axles.law_numerator / plant.law_offset + axles.law_constant
+    peak = peak * np.prod(np.maximum(patches.factor, 1.0)) + np.maximum(axles.increment, 0.0)
+    most = (peak.max() + 4.0 * np.std(scatter)) * (1.0 + plant.conditioning)
+    slope = steepest(
+        plant.curve, plant.curve_values, own_curve, max(most, plant.recovered), axles.contact.max()
+    )
+    carried = slope * axles.static_load
+    rigid = plant.body_mass > 0.0
+    mass = np.full(1, plant.body_mass) if rigid else cars.mass
+    wheel, body = axles.radius**2 / axles.inertia, np.bincount(axles.body, carried, mass.size)
+    rates = [(carried * wheel).max() + (body / mass).max()]
+    if units.size:
+        on_shaft = np.where(axles.unit >= 0, units.slip_torque[axles.unit] * axles.gear**2, 0.0)
+        rates += [1.0 / units.lag.min(), (on_shaft / axles.inertia).max()]
+    if brakes.size:
+        rates += [
+            1.0 / laws.LOCK_TIME,
+            1.0 / min(brakes.fill_time.min(), brakes.release_time.min()),
+        ]
+    if not rigid and cars.size > 1:
+        inverse = (1.0 / mass[:-1] + 1.0 / mass[1:]).max()
+        stiffest = (cars.stiffness + 3.0 * cars.stiffening * STROKE**2).max()
+        rates += [2.0 * cars.damping.max() * inverse, math.sqrt(2.0 * stiffest * inverse)]
+    steps = math.ceil(plant.period / plant.step * (1.0 - 1e-9))
+    return float(
+        plant.period / (steps * max(1, math.ceil(plant.period / steps * max(rates) / STABLE)))
+    )

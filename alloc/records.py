@@ -1,0 +1,171 @@
+"""Records: parameters in frozen dataclasses, each declared once with its unit, bounds and meaning.
+
+A record's class derives from `Record`, which checks all bounds in one place. Keys of files follow from the fields, what
+pages say of them from the docstring below each.
+"""
+
+import ast
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cache
+from inspect import getsource
+from itertools import pairwise
+from numbers import Real
+from textwrap import dedent
+from typing import Any, ClassVar, Literal, NamedTuple, get_args, get_origin
+
+from alloc.errors import InputError
+from alloc.units import UNITS
+
+NOT_IN_FILES = {"unit": None}
+"""Metadata of a field that no scenario file sets."""
+
+
+class Bounds(NamedTuple):
+    """Where a number may lie, in SI units."""
+
+    above: float = -math.inf
+    least: float = -math.inf
+    most: float = math.inf
+    infinite: bool = False
+
+    def fault(self, value: Any) -> str | None:
+        """What `value` must be; None where it lies within."""
+        real = isinstance(value, Real) and not isinstance(value, bool)
+        number = float(value) if real else math.nan
+        finite = self.infinite or math.isfinite(number)
+        if finite and self.above < number <= self.most and self.least <= number:
+            return None
+        said = "must be a number" if self.infinite else "must be a finite number"
+        if self.above > -math.inf:
+            said += f", greater than {self.above:g}"
+        elif self.least > -math.inf:
+            said += f", {self.least:g} or greater"
+        return said + (f", {self.most:g} at most" if self.most < math.inf else "")
+
+
+ANY = Bounds()
+"""Of a number that declares none: finite."""
+
+
+def quantity(
+    default: Any,
+    unit: str,
+    names: Mapping[str, float] | None = None,
+    *,
+    above: float = -math.inf,
+    least: float = 0.0,
+    most: float = math.inf,
+    infinite: bool = False,
+) -> Any:
+    """A number of a record, or several, kept in SI units as its bounds are; MISSING as `default`: there is none.
+
+    `unit`: that of the key in files, "1" for a pure number. `names`: values that have a name there. `infinite`: it may be.
+    """
+    factor = next((one.factor for one in UNITS if one.symbol == unit), 1.0)
+    in_files = None if math.isinf(most) else most / factor
+    bounds = Bounds(above, least, most, infinite)
+    said = {"unit": unit, "names": names or {}, "most": in_files, "bounds": bounds}
+    return field(default=default, metadata=said)
+
+
+@dataclass(frozen=True)
+class Record:
+    """Base of all records: what its fields declare is checked when it is made, then what its `_faults` find.
+
+    A number lies within its bounds, a whole number is whole, a `Literal` is one of its choices; None is left alone.
+    """
+
+    error: ClassVar[type[InputError]] = InputError
+
+    def __post_init__(self) -> None:
+        for found in (declared_faults(self), self._faults()):
+            for fault in found:
+                raise self.error(f"{self.owner}: {fault}")
+
+    @property
+    def owner(self) -> str:
+        """How messages call this record."""
+        return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(self).__name__).lower()
+
+    def _faults(self) -> Iterator[str]:
+        """What does not fit together, the declared bounds being kept; each is looked for where there is none before it."""
+        yield from ()
+
+
+def declared_faults(record: Any) -> Iterator[str]:
+    """What is wrong with single fields of a record by their declarations, in words that name the field."""
+    for item in fields(record):
+        value, kinds = getattr(record, item.name), (item.type, *get_args(item.type))
+        if value is None and type(None) in kinds:
+            continue
+        choices = [one for kind in kinds if get_origin(kind) is Literal for one in get_args(kind)]
+        if choices and value not in choices:
+            yield f"{item.name} = {value!r} must be one of {', '.join(choices)}"
+        if item.type is bool and not isinstance(value, bool):
+            yield f"{item.name} = {value!r} must be true or false"
+        bounds = item.metadata.get("bounds", ANY if item.type in (float, int) else None)
+        if bounds is None or isinstance(value, str):
+            continue
+        several = isinstance(value, tuple)
+        for k, one in enumerate(value if several else (value,)):
+            fault = bounds.fault(one)
+            if item.type is int and not isinstance(one, int):
+                fault = "must be a whole number"
+            if fault:
+                yield f"{item.name}{f'[{k}]' if several else ''} = {one!r} {fault}"
+
+
+# The meaning of a field or a key: the docstring below it. At its end "Left out:" says what applies without the key,
+# "Source:" where meaning and value come from.
+
+PARTS = re.compile(r"(?:^|(?<=\s))(Left out|Source): ")
+
+
+class Meaning(NamedTuple):
+    """What is said of a key; empty where nothing is."""
+
+    text: str = ""
+    left_out: str = ""
+    """What applies where the key is left out, if that is no plain number."""
+    source: str = ""
+
+    def with_names(self, names: Mapping[str, str]) -> "Meaning":
+        """The same with other names for what stands in backticks."""
+
+        def renamed(text: str) -> str:
+            return re.sub(r"`(\w+)`", lambda found: f"`{names.get(found[1], found[1])}`", text)
+
+        return self._replace(text=renamed(self.text), left_out=renamed(self.left_out))
+
+
+@cache
+def meanings(kind: type) -> dict[str, Meaning]:
+    """Meaning of every field of a class, its bases' included. The source is the field's own, else that of its class."""
+    found: dict[str, Meaning] = {}
+    for base in reversed(kind.__mro__):
+        if base.__module__ in ("builtins", "pydantic.main"):
+            continue
+        of_class = meant(base.__dict__.get("__doc__") or "").source
+        try:
+            body = ast.parse(dedent(getsource(base))).body[0].body  # type: ignore[attr-defined]
+        except (TypeError, OSError):  # made at run time: it has no source
+            continue
+        for one, said in pairwise(body):  # a field, and the string that follows it
+            if (
+                isinstance(one, ast.AnnAssign)
+                and isinstance(said, ast.Expr)
+                and isinstance(said.value, ast.Constant)
+            ):
+                meaning = meant(str(said.value.value))
+                found[one.target.id] = meaning._replace(source=meaning.source or of_class)  # type: ignore[union-attr]
+    return found
+
+
+def meant(docstring: str) -> Meaning:
+    """Content of a docstring: its text, and the marked parts."""
+    text, *parts = PARTS.split(" ".join(docstring.split()))
+    said = {mark: part.strip() for mark, part in zip(parts[::2], parts[1::2], strict=True)}
+    return Meaning(text.strip(), said.get("Left out", ""), said.get("Source", ""))

@@ -1,0 +1,132 @@
+"""What an allocation rule is, and all rules by name.
+
+A rule is a belief, what the leader thinks that each unit can carry, and a law, how it shares the plan over the units.
+Laws work on rows: `law(units, run) -> level` reads of each unit `cap`, `mass`, `most`, `mark`, `heard`, `searching`,
+`wanted` (the limits in force, inf: none), of the run `plan`, `needed`, `limit_rate`; it writes `wanted` and
+`run.case`. A rule of one's own may be an `answer` to an `AllocationProblem` instead, in plain Python. Either is
+called with a problem to get an `Allocation`.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from alloc.columns import RUN, UNIT
+from alloc.errors import AllocationError
+from alloc.onboard.beliefs import BELIEFS
+from alloc.registry import Registry
+from alloc.rules.problem import CASES, Allocation, AllocationProblem, allocated
+from alloc.tables import Rows
+
+Answer = Callable[[AllocationProblem], "Allocation | ArrayLike"]
+
+PROMISES = ("exact", "reference", "effort", "baseline")
+"""What a rule may promise, see `alloc.rules.testing`. Exact: the optimum. Reference: where caps grow along the train,
+no less than they allow and no more than the patent's rule asks. Effort: what caps and torque limits allow of the
+plan, whatever the order of the units. Baseline: what every rule keeps."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """An allocation rule: call it with an `AllocationProblem`. Raises `AllocationError` where a part of it does not
+    exist.
+    """
+
+    name: str
+    description: str
+    law: Any = None
+    """`law(units, run) -> level`, compiled (`alloc.parts.law`) or not. Left out where there is an `answer`."""
+    belief: Any = "front"
+    """A name in `alloc.onboard.beliefs.BELIEFS`, or a belief."""
+    answer: Answer | None = field(default=None, repr=False)
+    """In plain Python: an `Allocation`, or an array of limits of which the rest follows."""
+    settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    """Settings on board that belong to the rule, by their path in `alloc.onboard.settings.Onboard`, as "detector.pole"."""
+    promise: str = "baseline"
+    """One of `PROMISES`."""
+    colour: str = "#402020"
+    """The same in every figure."""
+    marker: str = "h"
+    """In figures, as Matplotlib names it."""
+
+    def __post_init__(self) -> None:
+        for choice, choices in ((self.belief, BELIEFS), (self.promise, PROMISES)):
+            if isinstance(choice, str) and choice not in choices:
+                known = ", ".join(choices)
+                raise AllocationError(f"rule {self.name!r}: {choice!r} must be one of {known}")
+        if isinstance(self.belief, str):
+            object.__setattr__(self, "belief", BELIEFS[self.belief])
+        if self.answer is not None:
+            object.__setattr__(self, "law", partial(serve, self.answer))
+        if not callable(self.law):
+            raise AllocationError(
+                f"rule {self.name!r}: give a law(units, run), or an answer(problem)"
+            )
+
+    def __call__(self, problem: AllocationProblem) -> Allocation:
+        """The rule's answer to `problem`."""
+        started = time.perf_counter()
+        if self.answer is not None:
+            found = _filled(problem, self.answer(problem))
+            return replace(found, solve_time=time.perf_counter() - started)
+        units, run = rows_of(problem)
+        level = self.law(units, run)
+        spent = time.perf_counter() - started
+        return allocated(problem, units.wanted, level, CASES[run.case], solve_time=spent)
+
+    def with_belief(self, name: str) -> "Rule":
+        """The same law on another belief."""
+        return replace(self, belief=name)
+
+
+RULES: Registry[Rule] = Registry("rule")
+"""Every rule by name."""
+
+
+def _filled(problem: AllocationProblem, found: Any) -> Allocation:
+    return found if isinstance(found, Allocation) else allocated(problem, found)
+
+
+def serve(answer: Answer, units: Rows, run: Any) -> float:
+    """The law that an `answer` in plain Python makes: rows in, rows out; faults of its solver are counted."""
+    found = _filled(problem := problem_of(units, run), answer(problem))
+    for j in range(problem.n):
+        units[j].wanted = found.limit[j]
+    run.case = CASES.index(found.case)
+    run.rule_faults += int(found.failed)
+    run.rule_gap = np.fmax(run.rule_gap, found.gap)
+    return found.level
+
+
+@lru_cache(maxsize=64)
+def _blank(n: int) -> tuple[Rows, Rows]:
+    return UNIT.rows(n), RUN.rows(1)
+
+
+def rows_of(problem: AllocationProblem) -> tuple[Rows, Any]:
+    """Rows of the units and the row of the run that state `problem` to a law."""
+    units, run = (one.copy() for one in _blank(problem.n))
+    for column, values in (
+        ("cap", problem.cap), ("mass", problem.mass), ("most", problem.limit_max), ("mark", problem.mark),
+        ("heard", problem.delivered), ("searching", problem.searching), ("truth", problem.truth),
+        ("deviation", problem.deviation), ("wanted", problem.previous),
+    ):  # fmt: skip
+        units[column] = values
+    run.plan, run.needed, run.limit_rate = problem.plan, problem.expected, problem.rate
+    return units, run[0]
+
+
+def problem_of(units: Rows, run: Any) -> AllocationProblem:
+    """What rows of the units and the row of the run ask of a rule; a unit without a limit counts as having the plan."""
+    needed = float(run.needed)
+    return AllocationProblem(
+        units.cap, needed, units.mass, limit_max=units.most, mark=units.mark, delivered=np.maximum(units.heard, 0.0),
+        previous=np.where(units.wanted < math.inf, units.wanted, needed), searching=units.searching, truth=units.truth,
+        deviation=units.deviation, rate=float(run.limit_rate), plan=float(run.plan),
+    )  # fmt: skip

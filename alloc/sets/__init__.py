@@ -1,0 +1,140 @@
+"""Trains as data: the shipped sets, a TOML file each, and how a train follows from the keys of such a file.
+
+A user's own train has the same keys, so a shipped file is a template; `studies.trains` checks it and says what each key
+means. `[sources]` says where values come from; "assumed" marks one without a source, with the reason why it is plausible.
+"""
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from alloc.laws import GRAVITY, speed_law
+from alloc.rail import SPEED_LAWS
+from alloc.registry import Registry
+from alloc.train import (
+    EFFORT_SPEED_STEP,
+    EFFORT_TABLE_LENGTH,
+    AirBrake,
+    Car,
+    Coupler,
+    Motors,
+    TorqueLimit,
+    Train,
+)
+from alloc.units import si
+
+NAMES = (
+    "one-axle", "jp4209318-3car", "commuter-8car", "gb-unit-8car", "high-speed-16car", "freight-5", "freight-17", "heavy-70"
+)  # fmt: skip
+"""Shipped sets, each a file of this folder, from short trains to long ones."""
+SETS: Registry[Callable[[], Train]] = Registry("train")
+"""Name of a set and the function that builds its train."""
+
+
+def find_set(name: str) -> Train:
+    """The train of the set `name`; raises `InputError` with the nearest known name if there is none."""
+    return SETS.find(name)()
+
+
+@dataclass(frozen=True)
+class TrainFile:
+    """Builds the train of a shipped file."""
+
+    path: Path
+
+    @property
+    def description(self) -> str:
+        """First line of the file."""
+        return self.path.read_text("utf-8").partition("\n")[0].lstrip("# ")
+
+    @cached_property
+    def train(self) -> Train:
+        """The train, made once: a study asks for the same one with every event."""
+        return train_of(tomllib.loads(self.path.read_text("utf-8")))
+
+    def __call__(self) -> Train:
+        """The train."""
+        return self.train
+
+
+for _name in NAMES:
+    SETS.register(_name, TrainFile(Path(__file__).with_name(f"{_name}.toml")))
+
+
+def train_of(keys: Mapping[str, Any]) -> Train:
+    """The train of a file's keys, which are known to be there; raises `InputError` for values that do not fit together."""
+    cars: list[Car] = []
+    for number, kind in enumerate(keys["formation"], 1):
+        distance = sum(car.length for car in cars)
+        cars.append(_car(f"car {number} ({kind})", keys["car"][kind], distance))
+    coupler = keys.get("coupler")
+    return Train(
+        name=keys["name"],
+        cars=tuple(cars),
+        resistance=tuple(keys[f"resistance_{unit}"] for unit in ("n", "ns_per_m", "ns2_per_m2")),
+        couplers=None if coupler is None else (Coupler(**si(coupler)),) * (len(cars) - 1),
+        planned_acceleration=keys["planned_acceleration_kmhs"] / 3.6,
+        source=keys["source"],
+        sources=dict(keys["sources"]),
+    )
+
+
+def _car(name: str, keys: Mapping[str, Any], distance: float) -> Car:
+    """A car of this kind, `distance` [m] behind the train's head; without `driven` its motors drive every axle."""
+    given = si(keys)
+    axles = len(given["axle_positions"])
+    motors, brake = keys.get("motors"), keys.get("air_brake")
+    driven = given.pop("driven", None) or (motors is not None,) * axles
+    mass, inertia, radius = given.pop("mass"), given.pop("wheel_inertia"), given["wheel_radius"]
+    return Car(
+        name=name,
+        empty_mass=mass,
+        wheel_inertia=(inertia,) * axles,
+        driven=driven,
+        # `Car` refuses one without axles
+        motors=None
+        if motors is None
+        else _motors(motors, radius, sum(driven), mass / max(axles, 1)),
+        air_brake=None if brake is None else _air_brake(brake, distance),
+        **given,
+    )
+
+
+def _motors(keys: Mapping[str, Any], radius: float, count: int, axle_mass: float) -> Motors:
+    """A car's `count` motors; `axle_mass`: empty mass on an axle [kg], on which planned adhesion counts."""
+    given, gear_ratio = si(keys), keys["gear_ratio"]
+    torque, power = given.get("torque", 0.0), given.get("power", 0.0)
+    retard = given.get("brake_torque", torque), given.get("brake_power", power)
+    brake = TorqueLimit(*retard, fade_speed=given["fade_speed"])
+    if keys.get("effort_speed_kmh"):
+        table = keys["effort_speed_kmh"], given["effort"]
+        drive = TorqueLimit.of_effort(*table, radius, gear_ratio, max(count, 1))
+    else:
+        drive = TorqueLimit(torque, power, given.get("pull_out_speed", np.inf))
+    if "planned_adhesion" in keys:
+        speed = EFFORT_SPEED_STEP * np.arange(EFFORT_TABLE_LENGTH)
+        coefficient = speed_law(speed, *SPEED_LAWS[keys["planned_adhesion"]])
+        most = radius / gear_ratio * coefficient * axle_mass * GRAVITY
+        drive, brake = (one.within(most, radius, gear_ratio) for one in (drive, brake))
+    own = {name: given[name] for name in ("torque_lag", "kind") if name in given}
+    return Motors(keys["inverter_group"], gear_ratio, drive, brake, **own)
+
+
+def _air_brake(keys: Mapping[str, Any], distance: float) -> AirBrake:
+    """A car's brake, `distance` [m] of brake pipe behind the train's head."""
+    given = si(keys)
+    lag, pressure = given.pop("lag"), given.pop("pressure")
+    force, wave = given.pop("force"), given.pop("pipe_wave", np.inf)
+    return AirBrake(
+        maximum_pressure=pressure,
+        force_per_pascal=force / pressure,
+        fill_time=lag,
+        release_time=given.pop("release_lag", lag),
+        dead_time=given.pop("dead_time") + distance / wave,
+        **given,
+    )

@@ -1,0 +1,250 @@
+"""One slip event under a rule and a readhesion controller.
+
+In: an `Event`, a rule, a controller, by name or as objects. Out: the recorded run, an `xarray.Dataset` (`alloc.record`). The
+loop is compiled where rule and controller are; else the same pieces are called from Python once a control period.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numba import boolean, int64, void
+
+from alloc.compilation import jit
+from alloc.errors import InputError, UnsoundRun
+from alloc.event import Event
+from alloc.onboard.controllers import CONTROLLERS, Controller
+from alloc.onboard.sensing import report, sense
+from alloc.onboard.slide import protect
+from alloc.onboard.targets import (
+    ask_brakes,
+    foresee,
+    set_brake_targets,
+    set_targets,
+    trailers_lack,
+)
+from alloc.onboard.telegrams import set_limits
+from alloc.parts import (
+    BELIEF,
+    BELIEF_TYPE,
+    CONTROL,
+    CONTROL_TYPE,
+    LAW,
+    LAW_TYPE,
+    are_compiled,
+    ready,
+)
+from alloc.plant import advance, derivative, note, true_limits
+from alloc.record import RECORD, dataset, room
+from alloc.rules import RULES, Rule
+from alloc.world import WORLD
+
+
+def simulate(
+    event: Event,
+    rule: str | Rule = "cooperative",
+    controller: str | Controller = "perturb-observe",
+) -> xr.Dataset:
+    """Run an event; returns the recorded run.
+
+    Raises `InputError` for a part that does not exist or cannot be compiled, `UnsoundRun` for a run whose state is no
+    number.
+    """
+    run = Simulation(event, rule, controller)
+    run.go_on()
+    return run.recorded()
+
+
+class Simulation:
+    """A run that can be stopped between control instants: `go_on` to the end, or `aim`, commands of one's own, and `go`."""
+
+    def __init__(self, event: Event, rule: str | Rule, controller: str | Controller) -> None:
+        self.rule = RULES.find(rule) if isinstance(rule, str) else rule
+        self.controller = (
+            CONTROLLERS.find(controller) if isinstance(controller, str) else controller
+        )
+        if self.rule.settings:
+            onboard = event.onboard.with_settings(self.rule.settings)
+            event = replace(event, onboard=onboard)
+        self.event, world = event, event.world()
+        self.knows = self.rule.belief.knows
+        if self.knows:  # what no train can know: the true speed, and orders that take no time
+            world.onboard.true_speed[:] = 1
+            world.told[:] = np.arange(world.command.size)[:, None]
+        self.world = world._replace(memory=self.controller.rows(world.units.size))
+        self.record = room(self.world)
+        self.tick, self.wall_time = 0, 0.0
+
+    @property
+    def ticks(self) -> int:
+        """Number of control instants."""
+        return int(self.world.command.size)
+
+    def go_on(self) -> None:
+        """Run to the end, from where the run is."""
+        started = time.perf_counter()
+        belief, law, control = self.rule.belief.function, self.rule.law, self.controller.control
+        parts: tuple[Any, ...] = belief, law, control
+        if are_compiled(*parts):
+            parts = ready(belief, BELIEF), ready(law, LAW), ready(control, CONTROL)
+            compiled_steps()(*parts, self.knows, self.tick, self.world, self.record)
+        else:
+            with np.errstate(all="ignore"):  # as compiled code has it
+                self._served(*parts)
+        self.tick = self.ticks
+        self.wall_time += time.perf_counter() - started
+
+    def _served(self, *parts: Callable[..., Any]) -> None:
+        try:
+            steps(*parts, self.knows, self.tick, self.world, self.record)
+        except InputError:
+            raise
+        except Exception as error:
+            names = f"rule {self.rule.name!r} or controller {self.controller.name!r}"
+            raise InputError(f"{names} failed: {type(error).__name__}: {error}") from error
+
+    def aim(self) -> None:
+        """Go to the next instant's targets: readings, belief, rule, limits."""
+        belief, law = self.rule.belief.function, self.rule.law
+        aim(belief, law, self.knows, self.tick, self.world, self.record)
+
+    def go(self) -> None:
+        """Go to the next instant with the torques that `world.units.torque_command` has."""
+        go(self.tick, self.world, self.record)
+        self.tick += 1
+
+    def recorded(self) -> xr.Dataset:
+        """The run up to here; raises `UnsoundRun` where its state is no number."""
+        w, ended = self.world, self.tick
+        if not np.isfinite(w.state).all():
+            speeds = self.record.run.speed[:ended, 0]
+            first = int(np.argmin(np.isfinite(speeds)))
+            raise UnsoundRun(
+                f"event {self.event.name!r} under {self.rule.name} and {self.controller.name}: the state is no number from "
+                f"{first * self.event.onboard.period:g} s on"
+            )
+        names = self.rule.name, self.controller.name
+        return dataset(self.event, *names, w, self.record, ended, self.wall_time)
+
+
+# An instant, in its order; each piece is compiled by itself.
+
+
+@jit
+def listen(k, w):
+    """Command and readings of instant k, and what each unit would say of itself."""
+    run, onboard, plant = w.run[0], w.onboard[0], w.plant[0]
+    run.time = k * run.period
+    asked = w.command[k]
+    if asked < 0.0 and run.reference_speed < onboard.release_speed:
+        asked = 0.0  # the driver releases the brakes, so that a stop ends rolling
+    run.driver_command = asked
+    run.sign = 1.0 if asked >= 0.0 else -1.0
+    run.braking = 1 if onboard.blended and asked < 0.0 else 0
+    size = abs(asked)
+    run.plan = size * (onboard.brake_planned if run.braking else onboard.planned)
+    run.planned_coefficient = size * (plant.brake_planned if run.braking else plant.planned)
+    if w.units.size > 0:
+        run.leader = w.leader[k]
+    if k == 0:
+        for u in w.units:
+            u.delivered = run.plan
+    sense(
+        w.state, w.noise[k % w.noise.shape[0]], w.axles, w.cars, w.units, w.brakes, w.effort, w.retard, plant, onboard, run
+    )  # fmt: skip
+    report(w.units, run)
+    run.needed = run.plan
+    if run.braking:
+        run.needed += trailers_lack(w.units, w.brakes, run)
+
+
+@jit
+def see(w):
+    """What no computer on board can know."""
+    true_limits(
+        w.run[0].time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.own_curve, w.scatter,
+        w.plant[0], w.run[0],
+    )  # fmt: skip
+
+
+@jit
+def set_aims(k, w, record):
+    """Limits that have arrived, and what they ask of motors and air."""
+    run, onboard = w.run[0], w.onboard[0]
+    set_limits(k, w.units, w.told, record.units, onboard, run)
+    if run.braking:
+        set_brake_targets(w.units, onboard, run)
+    else:
+        set_targets(w.units, onboard, run)
+
+
+@jit
+def keep(words, into):
+    """Write rows down: each table's recorded columns are the first words of its rows."""
+    for i in range(into.shape[0]):
+        for c in range(into.shape[1]):
+            into[i, c] = words[i, c]
+
+
+@jit
+def go(k, w, record):
+    """Command motors and valves, write the instant down, and go to the next."""
+    run, onboard, plant = w.run[0], w.onboard[0], w.plant[0]
+    foresee(w.units, run)
+    protect(k, w.axles, w.brakes, w.slide[0], run)
+    ask_brakes(w.units, w.brakes, onboard, run)
+    for u in w.units:
+        u.applied = run.sign * u.torque_command
+    derivative(
+        run.time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
+        w.own_curve, w.scatter, plant,
+    )  # fmt: skip
+    note(w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, plant, run)
+    keep(record.axle_words, record.axles_in[k])
+    keep(record.car_words, record.cars_in[k])
+    keep(record.unit_words, record.units_in[k])
+    keep(record.brake_words, record.brakes_in[k])
+    keep(record.run_words, record.run_in[k])
+    advance(
+        run.time, w.state, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard, w.own_curve,
+        w.scatter, w.rail, plant, record.brakes,
+    )  # fmt: skip
+
+
+def aim(belief, law, knows, k, w, record):
+    """Up to the targets of instant k."""
+    listen(k, w)
+    if knows:
+        see(w)
+    run = w.run[0]
+    if belief(k, w.units, record.units, w.heard, run):
+        run.asked += 1
+        run.level = law(w.units, run)
+    set_aims(k, w, record)
+
+
+def steps(belief, law, control, knows, first, w, record):
+    """All instants from `first` on."""
+    run = w.run[0]
+    for k in range(first, w.command.size):
+        listen(k, w)
+        if knows:
+            see(w)
+        if belief(k, w.units, record.units, w.heard, run):
+            run.asked += 1
+            run.level = law(w.units, run)
+        set_aims(k, w, record)
+        for j in range(w.units.size):
+            control(w.units[j], w.axles[w.first[j] : w.last[j]], w.memory[j], run)
+        go(k, w, record)
+
+
+@cache
+def compiled_steps() -> Any:
+    """`steps` for compiled parts, which it calls by their addresses, so it is compiled once for all of them."""
+    kinds: Any = (BELIEF_TYPE, LAW_TYPE, CONTROL_TYPE, boolean, int64, WORLD, RECORD)
+    return jit(void(*kinds))(steps)

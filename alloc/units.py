@@ -1,0 +1,64 @@
+"""Units in the names of keys: files speak km/h, t and per mille, the code SI."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+
+class Unit(NamedTuple):
+    """A unit in which files give numbers: its symbol, the ending of its keys, and the factor to SI.
+
+    `least`, `most`: least size but 0, and greatest, that its values have on a railway, generously.
+    """
+
+    symbol: str
+    ending: str
+    factor: float
+    least: float
+    most: float
+
+
+UNITS: tuple[Unit, ...] = (
+    Unit("N/m3", "_n_per_m3", 1.0, 1.0, 1e13),
+    Unit("N/m", "_n_per_m", 1.0, 1.0, 1e10),
+    Unit("N s/m", "_ns_per_m", 1.0, 1e-3, 1e9),
+    Unit("N s2/m2", "_ns2_per_m2", 1.0, 1e-6, 1e6),
+    Unit("s/m", "_s_per_m", 1.0, 1e-4, 1e7),
+    Unit("m/s", "_m_per_s", 1.0, 1e-3, 1e3),
+    Unit("1/s", "_per_s", 1.0, 1e-6, 1e6),
+    Unit("per mille", "_permille", 1e-3, 1e-6, 300.0),
+    Unit("km/h/s", "_kmhs", 1.0 / 3.6, 1e-6, 40.0),
+    Unit("km/h", "_kmh", 1.0 / 3.6, 1e-6, 600.0),
+    Unit("kg m2", "_kgm2", 1.0, 1e-2, 1e5),
+    Unit("J/m", "_j_per_m", 1.0, 1e-2, 1e7),
+    Unit("kPa", "_kpa", 1e3, 1.0, 2e3),
+    Unit("kN", "_kn", 1e3, 1e-3, 2e3),
+    Unit("kW", "_kw", 1e3, 1e-3, 1e5),
+    Unit("N m", "_nm", 1.0, 1e-2, 1e6),
+    Unit("mm", "_mm", 1e-3, 1e-3, 1e4),
+    Unit("N", "_n", 1.0, 1e-9, 1e6),
+    Unit("m", "_m", 1.0, 1e-4, 1e7),
+    Unit("t", "_t", 1e3, 1e-3, 1e4),
+    Unit("s", "_s", 1.0, 1e-6, 1e6),
+    Unit("1", "", 1.0, 1e-9, 1e6),
+)
+"""Units of keys; longer endings first, and last that of a pure number."""
+
+
+def unit_of(key: str) -> Unit:
+    """Unit that the ending of a key states."""
+    return next(unit for unit in UNITS if key.endswith(unit.ending))
+
+
+def si(keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain values by their keys as SI values under names without the unit; None and tables inside stay out."""
+    converted: dict[str, Any] = {}
+    for key, value in keys.items():
+        if value is None or isinstance(value, Mapping):
+            continue
+        unit = unit_of(key)
+        if isinstance(value, list | tuple):
+            value = tuple(unit.factor * one if unit.ending else one for one in value)
+        elif unit.ending:
+            value = unit.factor * value
+        converted[key.removesuffix(unit.ending)] = value
+    return converted

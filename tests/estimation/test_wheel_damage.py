@@ -1,0 +1,84 @@
+"""Tangential force and wheel damage from series: against the integrals, their errors, and what is refused."""
+
+import numpy as np
+import pytest
+
+from alloc.errors import EstimationError
+from alloc.estimation.wheel_damage import tangential_force, wheel_damage
+
+FOUR_SECONDS = np.linspace(0.0, 4.0, 401)
+
+RADIUS, INERTIA = 0.43, 120.0
+
+
+def sliding(time=FOUR_SECONDS, sign=1.0):
+    """Constant tangential force 5 kN, slip velocity sign * sin^2: applied force, omega and speed that belong to it."""
+    speed = 20.0 + sign * 0.8 * time
+    slip = sign * 2.0 * np.sin(np.pi * time / 4.0) ** 2
+    omega = (speed + slip) / RADIUS
+    rate = (sign * 0.8 + sign * 0.5 * np.pi * np.sin(np.pi * time / 2.0)) / RADIUS
+    applied = sign * 5000.0 + INERTIA / RADIUS * rate
+    return applied[:, None], omega[:, None], speed
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_damage_is_force_times_distance_slipped(sign):
+    applied, omega, speed = sliding(sign=sign)
+    damage = wheel_damage(FOUR_SECONDS, applied, omega, speed, INERTIA, RADIUS)
+    distance = FOUR_SECONDS - 2.0 / np.pi * np.sin(np.pi * FOUR_SECONDS / 2.0)
+    np.testing.assert_allclose(damage[:, 0], 5000.0 * distance, atol=1e-4 * 20e3)
+
+
+def test_the_error_falls_with_the_square_of_the_sampling():
+    errors = []
+    for count in (21, 41, 81):
+        time = np.linspace(
+            0.0, 3.0, count
+        )  # no whole period, of which the ends' errors would cancel
+        applied, omega, speed = sliding(time)
+        found = wheel_damage(time, applied, omega, speed, INERTIA, RADIUS)[-1, 0]
+        errors.append(abs(found - 5e3 * (3.0 + 2.0 / np.pi)))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(orders > 1.8), orders
+
+
+def test_lines_between_instants_are_integrated_exactly():
+    """Few instants of straight lines give what a thousand of them give."""
+    rng = np.random.default_rng(3)
+    knots = np.array([0.0, 0.3, 0.5, 1.1, 1.2])
+    fine = np.unique(np.concatenate([knots, np.linspace(0.0, 1.2, 1001)]))
+    applied, omega, speed = rng.uniform(1.0, 2.0, (3, knots.size)) * [[4e3], [50.0], [20.0]]
+    coarse = wheel_damage(knots, applied[:, None], omega[:, None], speed, INERTIA, RADIUS)
+    lines = [np.interp(fine, knots, values) for values in (applied, omega, speed)]
+    many = wheel_damage(fine, lines[0][:, None], lines[1][:, None], lines[2], INERTIA, RADIUS)
+    assert coarse[-1, 0] == pytest.approx(many[-1, 0], rel=1e-9)
+
+
+def test_noise_of_the_speeds_does_not_bias_the_damage():
+    applied, omega, speed = sliding()
+    rng = np.random.default_rng(5)
+    found = []
+    for _ in range(400):
+        noisy = omega + rng.normal(0.0, 0.05 / RADIUS, omega.shape)
+        measured = speed + rng.normal(0.0, 0.05, speed.shape)
+        found.append(wheel_damage(FOUR_SECONDS, applied, noisy, measured, INERTIA, RADIUS)[-1, 0])
+    error = np.mean(found) - 20e3
+    assert abs(error) < 3.0 * np.std(found) / np.sqrt(len(found)) + 2.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_window_gives_the_mean_force(sign):
+    applied, omega, _ = sliding(sign=sign)
+    force = tangential_force(FOUR_SECONDS, applied, omega, INERTIA, RADIUS, 0.1)
+    np.testing.assert_allclose(force, sign * 5000.0, rtol=2e-3)
+    np.testing.assert_allclose(force[20:-20], sign * 5000.0, rtol=1e-4)
+
+
+def test_what_cannot_be_estimated_is_refused_by_its_name():
+    given = np.zeros((401, 1)), np.full((401, 1), 40.0)
+    with pytest.raises(EstimationError, match="time must grow"):
+        wheel_damage(FOUR_SECONDS[::-1], *given, np.full(401, 17.0), INERTIA, RADIUS)
+    with pytest.raises(EstimationError, match="speed has shape"):
+        wheel_damage(FOUR_SECONDS, *given, np.zeros(3), INERTIA, RADIUS)
+    with pytest.raises(EstimationError, match="window"):
+        tangential_force(FOUR_SECONDS, *given, INERTIA, RADIUS, 1e-3)

@@ -1,0 +1,146 @@
+"""Whole runs: what holds under every rule and every controller."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from alloc.errors import InputError
+from alloc.event import DriverCommand, Event
+from alloc.metrics import evaluate
+from alloc.onboard.controllers import CONTROLLERS
+from alloc.onboard.settings import Onboard, Sensors
+from alloc.rail import Line, Patch, Rail, logarithmic_increments
+from alloc.record import load, save
+from alloc.rules import RULES
+from alloc.sets import find_set
+from alloc.simulation import Simulation, simulate
+
+PULL, STOP = DriverCommand((0.0,), (0.8,)), DriverCommand((0.0,), (-1.0,))
+
+
+def event(set_="commuter-8car", command=PULL, level=0.13, duration=4.0, **given):
+    train = find_set(set_)
+    rail = Rail(
+        level,
+        increments=tuple(logarithmic_increments(train.axle_count)),
+        patches=given.pop("patches", (Patch(0.7, 5.0, 30.0),)),
+    )
+    speed = 12.0 if command is STOP else 2.0
+    return Event(
+        "made", train, rail, command, duration=duration, **{"initial_speed": speed} | given
+    )
+
+
+def served(rule, controller):
+    """The same parts as plain Python."""
+    plain = replace(
+        rule,
+        law=getattr(rule.law, "py_func", rule.law),
+        belief=rule.belief._replace(function=rule.belief.function.py_func),
+    )
+    return plain, replace(controller, control=controller.control.py_func)
+
+
+PAIRS = [(rule, "perturb-observe") for rule in RULES] + [
+    ("cooperative", one) for one in CONTROLLERS
+]
+
+
+@pytest.mark.parametrize(("rule", "controller"), PAIRS)
+def test_a_run_served_by_python_equals_the_compiled_one_to_the_last_bit(rule, controller):
+    made = event(
+        duration=0.8,
+        command=STOP if len(rule) % 2 else PULL,
+        onboard=Onboard(sensors=Sensors(speed_noise=0.01)),
+    )
+    ours = simulate(made, rule, controller)
+    plain = simulate(made, *served(RULES[rule], CONTROLLERS[controller]))
+    for name, values in ours.variables.items():
+        np.testing.assert_array_equal(plain[name].values, values.values, err_msg=str(name))
+
+
+@pytest.mark.parametrize("command", [PULL, STOP])
+@pytest.mark.parametrize(("rule", "controller"), PAIRS)
+def test_on_a_dry_rail_every_pair_keeps_the_plan(rule, controller, command):
+    run = simulate(event(command=command, level=0.5, patches=(), duration=8.0), rule, controller)
+    found = evaluate(run)
+    assert found["bound_use"] == pytest.approx(1.0, abs=2e-3)
+    assert found["slip_time"] == 0.0
+    lost = found["distance_lost" if command is STOP else "time_lost"]
+    assert abs(lost) < (0.5 if command is STOP else 0.02)
+
+
+@pytest.mark.parametrize(("rule", "controller"), PAIRS)
+def test_no_pair_exceeds_rail_motors_or_its_targets(rule, controller):
+    run = simulate(event(), rule, controller)
+    grip = run["adhesion_limit"] * run["axle_load"]
+    assert (abs(run["rail_force"]) <= grip * (1.0 + 1e-9)).all()
+    assert (run["motor_torque"] <= run["drive_limit"] * 1.01 + 1.0).all()
+    assert (run["torque_command"] <= run["torque_target"] * (1.0 + 1e-12) + 1e-9).all()
+    assert (run["torque_command"] >= 0.0).all()
+
+
+@pytest.mark.parametrize("command", [PULL, STOP])
+@pytest.mark.parametrize("name", ["commuter-8car", "freight-5"])
+def test_energy_balances(name, command):
+    """JP4209318 (27) for the whole train: what motors give is motion, friction, heat of shoes and couplers, and height."""
+    run = simulate(event(name, command, line=Line((0.0, 20.0), (0.0, 0.01))), "cooperative", "none")
+    motion = 0.5 * (run["car_mass"] * run["car_speed"] ** 2).sum("car")
+    turning = 0.5 * (run["axle_turning_mass"] * run["rim_speed"] ** 2).sum("axle")
+    stored = motion + turning
+    work = run["motor_work"] - run["shoe_work"] - run["resistance_work"] - run["coupler_work"]
+    work = work - run["friction_work"].sum("axle")
+    scale = float(abs(stored - stored[0]).max() + run["friction_work"].sum("axle").max())
+    spring = (
+        0.02 if name.startswith("freight") else 1e-6
+    )  # what couplers store is not in the record
+    assert float(abs(stored - stored[0] - work).max()) < spring * scale
+
+
+def test_a_shorter_step_changes_nothing():
+    one, half = (simulate(event(step=step), "cooperative", "none") for step in (2e-3, 1e-3))
+    assert float(abs(one["car_speed"] - half["car_speed"]).max()) < 1e-5
+
+
+def test_a_rarer_record_is_the_same_run():
+    often, seldom = (simulate(event(record_period=one), "greedy") for one in (0.01, 0.05))
+    np.testing.assert_array_equal(often["speed"].values[::5], seldom["speed"].values)
+
+
+def test_stopping_between_instants_changes_nothing():
+    run = Simulation(event(duration=2.0), "cooperative", "cut-and-ramp")
+    control, w = run.controller.control, run.world
+    while run.tick < 100:
+        run.aim()
+        for j in range(w.units.size):
+            control(w.units[j], w.axles[w.first[j] : w.last[j]], w.memory[j], w.run[0])
+        run.go()
+    run.go_on()
+    whole = simulate(event(duration=2.0), "cooperative", "cut-and-ramp")
+    np.testing.assert_array_equal(run.recorded()["rim_speed"].values, whole["rim_speed"].values)
+
+
+def test_a_file_gives_the_run_back(tmp_path):
+    run = simulate(event(duration=1.0))
+    save(run, tmp_path / "run.nc")
+    xr.testing.assert_identical(load(tmp_path / "run.nc"), run)
+
+
+def test_every_variable_says_what_it_is():
+    run = simulate(event(duration=0.5))
+    for name, variable in run.variables.items():
+        assert variable.attrs["long_name"], name
+        assert variable.attrs.get("units") or name in ("axle", "car", "unit"), name
+
+
+def test_a_part_that_fails_is_named():
+    def wrong(units, run):
+        raise KeyError("limit")
+
+    rule = replace(RULES["alone"], name="mine", law=wrong, belief=RULES["wear"].belief)
+    with pytest.raises(InputError, match=r"'mine'.*KeyError"):
+        simulate(event(), rule)
+    with pytest.raises(InputError, match="unknown rule 'gredy'; did you mean 'greedy'"):
+        simulate(event(), "gredy")

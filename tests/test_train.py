@@ -1,0 +1,240 @@
+"""Trains: rows of records equal sums by hand, and what cannot be is refused in one line that names the field."""
+
+import math
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+
+from alloc.curves import CURVES, own_curve
+from alloc.errors import InputError
+from alloc.event import DriverCommand, Event
+from alloc.laws import GRAVITY
+from alloc.onboard.settings import Dropout, Onboard, Sensors
+from alloc.rail import Line, Patch, Rail
+from alloc.records import Record, meanings
+from alloc.sets import SETS, find_set
+from alloc.train import AirBrake, Car, Coupler, Motors, TorqueLimit, Train
+from alloc.train_rows import level_for, offered_by, rows_of, train_rows
+from tests.cases import looped
+
+LIMIT = TorqueLimit(1000.0, 200e3)
+MOTORS = Motors("1C2M", 6.0, LIMIT, replace(LIMIT, peak=800.0, fade_speed=3.0), kind="induction")
+BRAKE = AirBrake(4e5, 0.05, 0.4, 0.6, friction=(37.5, 75.0, 0.5), cut_out=(1,), friction_factor=0.8)
+CAR_A = Car(
+    name="A", length=20.0, empty_mass=3e4, load=5e3, axle_positions=(2.0, 4.5, 15.0, 17.0),
+    bogie_of_axle=(0, 0, 1, 1), wheel_radius=0.4, wheel_inertia=(90.0, 100.0, 110.0, 60.0),
+    driven=(True, True, True, False), motors=MOTORS, air_brake=BRAKE, axle_load_share=(0.2, 0.3, 0.3, 0.2),
+)  # fmt: skip
+CAR_B = replace(
+    CAR_A, name="B", length=12.0, load=0.0, axle_positions=(3.0, 9.0), bogie_of_axle=(0, 1), wheel_radius=0.45,
+    wheel_inertia=(50.0, 55.0), driven=(False, False), motors=None, axle_load_share=None,
+)  # fmt: skip
+COUPLERS = (Coupler(1e7, 2.0, 3.0, 0.01), Coupler(2e7, 4.0, 5.0, 0.02))
+UNEQUAL = Train("unequal", (CAR_A, CAR_B, CAR_A), (900.0, 80.0, 7.0), COUPLERS, load_transfer=True)
+TRAINS = [*(find_set(name) for name in SETS), UNEQUAL, replace(UNEQUAL, couplers=None)]
+every_train = looped("train", TRAINS)
+
+
+@every_train
+def test_rows_are_the_sums_of_the_cars(train):
+    rows, weight = rows_of(train), 0.0
+    for c, car in enumerate(train.cars):
+        mine = rows.axles[rows.axles.car == c]
+        weight = (car.empty_mass + car.load) * 9.80665 * sum(car.axle_load_share or (1.0,))
+        assert mine.static_load.sum() == pytest.approx(weight)
+        assert (mine.gear > 0.0).tolist() == (mine.unit >= 0).tolist() == list(car.driven)
+        behind = sum(one.length for one in train.cars[:c])
+        assert mine.offset == pytest.approx([-behind - place for place in car.axle_positions])
+    names = "resistance", "resistance_linear", "resistance_quadratic"
+    assert [rows.cars[name].sum() for name in names] == pytest.approx(train.resistance)
+    assert rows.cars.mass.sum() == pytest.approx(train.mass)
+    turning = rows.axles.inertia / rows.axles.radius**2
+    assert turning.sum() == pytest.approx(train.rotating_mass)
+    assert rows.plant["body_mass"] == (train.mass if train.couplers is None else 0.0)
+    assert (rows.axles.body == rows.axles.car * (train.couplers is not None)).all()
+
+
+@every_train
+def test_units_and_brakes_count_from_the_front_and_know_their_axles(train):
+    rows = rows_of(train)
+    for kind, member in ((rows.units, rows.axles.unit), (rows.brakes, rows.axles.brake)):
+        assert [int((member == k).sum()) for k in range(kind.size)] == kind.axles.tolist()
+        assert np.unique(member[member >= 0]).tolist() == list(range(kind.size))
+        assert (np.diff(member[member >= 0]) >= 0).all()
+        mean = [rows.axles.static_load[member == k].mean() for k in range(kind.size)]
+        assert kind.load == pytest.approx(mean)
+    for g, brake in enumerate(rows.brakes):
+        assert brake.unit == rows.axles.unit[rows.axles.brake == g].max()
+
+
+@every_train
+def test_the_plan_moves_the_train_and_turns_the_wheels_that_do_not_act(train):
+    rows = rows_of(train)
+    driven, turning = rows.axles.unit >= 0, rows.axles.inertia / rows.axles.radius**2
+    braked = driven | (rows.axles.brake >= 0)
+    for name, acting in (("planned", driven), ("brake_planned", braked)):
+        force = rows.plant[name] * rows.axles.static_load[acting].sum()
+        needed = train.mass + turning[~acting].sum() if acting.any() else 0.0
+        assert force == pytest.approx(needed)
+        assert rows.onboard[name] == pytest.approx(rows.plant[name])
+    for j, unit in enumerate(rows.units):
+        own = turning[rows.axles.unit == j].mean()
+        assert unit.turning * rows.plant["planned"] * unit.load == pytest.approx(own)
+
+
+@every_train
+def test_a_train_reversed_twice_is_itself(train):
+    there, back, again = (
+        rows_of(one) for one in (train, train.reversed(), train.reversed().reversed())
+    )
+    for name in (
+        "static_load",
+        "inertia",
+        "gear",
+        "shoe_gain",
+        "offset",
+        "unit",
+        "brake",
+        "unloading",
+    ):
+        assert again.axles[name] == pytest.approx(there.axles[name])
+        if name in ("static_load", "inertia", "gear", "shoe_gain"):
+            assert back.axles[name][::-1] == pytest.approx(there.axles[name])
+    assert -train.length - back.axles.offset[::-1] == pytest.approx(there.axles.offset)
+    assert back.cars.stiffness[:-1][::-1] == pytest.approx(there.cars.stiffness[:-1])
+
+
+@every_train
+def test_pitch_moves_load_and_keeps_moments(train):
+    for car in train.cars:
+        lost, place = car.unloading(), np.array(car.axle_positions)
+        assert lost.sum() == pytest.approx(0.0, abs=1e-12)
+        if np.unique(car.bogie_of_axle).size > 1:
+            # the moment about the rail; a bogie's part acts at its pivot's height, or at the rail where it has one axle
+            assert -lost @ place == pytest.approx(car.centre_of_mass_height)
+
+
+@every_train
+def test_a_load_rests_on_its_car_and_is_believed_as_measured(train):
+    loads = [1000.0 * (1 + c) for c in range(len(train.cars))]
+    empty, full = train.loaded([0.0] * len(loads)), train.loaded(loads)
+    assert full.mass - empty.mass == pytest.approx(sum(loads))
+    more = rows_of(full).axles.static_load - rows_of(empty).axles.static_load
+    share = np.concatenate([car.shares for car in train.cars])
+    assert more == pytest.approx(GRAVITY * np.array(loads)[rows_of(full).axles.car] * share)
+    wrong, right = train_rows(empty, loads=loads), rows_of(full)
+    assert wrong.units.load == pytest.approx(right.units.load)
+    assert (wrong.axles.static_load == rows_of(empty).axles.static_load).all()
+
+
+def test_torque_limits_follow_torque_power_pull_out_and_fading():
+    limit, radius, gear = TorqueLimit(900.0, 150e3, 20.0, 2.0), 0.43, 7.0
+    for k, value in enumerate(limit.tabulate(radius, gear)[1:], 1):
+        speed = k / 3.6
+        by_power = 150e3 / (gear * speed / radius)
+        hand = min(900.0, by_power) * min(1.0, 20.0 / speed) * min(1.0, speed / 2.0)
+        assert value == pytest.approx(hand)
+    table = TorqueLimit.of_effort([0.0, 50.0, 100.0], [1e4, 8e3, 4e3], radius, gear, 4)
+    assert table.tabulate(radius, gear)[[0, 25, 75, 400]] * 4 * gear / radius == pytest.approx(
+        [1e4, 9e3, 6e3, 4e3]
+    )
+
+
+def test_what_the_computers_cannot_know_is_in_other_columns():
+    rows = train_rows(UNEQUAL, radius_errors=0.01 * np.arange(10))
+    assert rows.axles.believed_radius == pytest.approx(
+        rows.axles.radius * (1.0 + 0.01 * np.arange(10))
+    )
+    assert rows.units.radius == pytest.approx([0.4 * 1.005, 0.4 * 1.02, 0.4 * 1.065, 0.4 * 1.08])
+    cut = rows.axles.brake % 2 == 1
+    assert (rows.axles.shoe_gain[cut] == 0.0).all()
+    assert rows.axles.shoe_gain[~cut] == pytest.approx(0.8 * 0.05)
+    assert rows.brakes.gain == pytest.approx(0.05)
+    assert rows.units.slip_torque == pytest.approx(2.0 * 2.5 * 1000.0 / (10.0 * math.pi))
+    assert rows.cars.stiffness.tolist() == [1e7, 2e7, 0.0]
+
+
+@looped("name", CURVES.shipped())
+def test_a_level_offers_what_it_was_sought_for(name):
+    curve = CURVES[name]()
+    for train in (find_set("commuter-8car"), UNEQUAL):
+        level = level_for(curve, 0.08, 8.0, train)
+        assert offered_by(curve, level, 8.0, train) == pytest.approx(0.08, rel=1e-6)
+
+
+# Every record: what it declares, it enforces
+
+EVENT = Event("made", UNEQUAL, Rail(0.1, patches=(Patch(0.5),)), DriverCommand((0.0,), (1.0,)))
+CURVES_MADE = tuple(kind() for kind in CURVES.values())
+LOST = Onboard(sensors=Sensors(dropouts=(Dropout(1, 2.0),)))
+
+
+def records_in(value):
+    if isinstance(value, tuple):
+        for one in value:
+            yield from records_in(one)
+    elif is_dataclass(value):
+        yield value
+        for one in fields(value):
+            yield from records_in(getattr(value, one.name))
+
+
+MADE = (EVENT, LOST, Line(), CURVES_MADE, own_curve("hump", lambda slip: slip * np.exp(-slip)))
+RECORDS = {type(one): one for one in records_in(MADE) if isinstance(one, Record)}
+
+
+def kinds_of(kind=Record):
+    return {kind}.union(*map(kinds_of, kind.__subclasses__()))
+
+
+def test_every_kind_of_record_is_looked_at():
+    shipped = {kind for kind in kinds_of() if kind.__module__.startswith("alloc.")}
+    assert {one.__name__ for one in shipped - RECORDS.keys() if fields(one)} == set()
+
+
+@looped("record", RECORDS.values())
+def test_a_number_beyond_its_bounds_is_refused_in_a_line_that_names_it(record):
+    for item in fields(record):
+        bounds = item.metadata.get("bounds")
+        if bounds is None:
+            continue
+        low = bounds.above if bounds.above > -math.inf else bounds.least - 0.5
+        beyond = {math.nan, -math.inf, low, bounds.most + 0.5} - (
+            set() if not bounds.infinite else {math.inf}
+        )
+        several = "tuple" in str(item.type)
+        for value in beyond:
+            with pytest.raises(InputError, match=rf"^[^\n]*\b{item.name}(\[0\])? = "):
+                replace(record, **{item.name: (value,) if several else value})
+
+
+@looped("record", RECORDS.values())
+def test_every_number_has_a_meaning(record):
+    for item in fields(record):
+        assert "bounds" not in item.metadata or meanings(type(record))[item.name].text
+
+
+@looped(
+    ("record", "changes", "named"),
+    [
+        (CAR_A, {"axle_positions": (4.0, 2.0, 15.0, 17.0)}, "axle_positions"),
+        (CAR_A, {"bogie_of_axle": (0, 0, 2, 2)}, "bogie_of_axle"),
+        (CAR_A, {"driven": (True,)}, "driven"),
+        (CAR_A, {"motors": None}, "motors"),
+        (CAR_A, {"speed_sensors": False}, "speed_sensors"),
+        (CAR_A, {"axle_load_share": (0.5, 0.5, 0.5, 0.5)}, "axle_load_share"),
+        (BRAKE, {"friction": (1.0, 0.0, 1.0)}, "friction"),
+        (MOTORS, {"group": "2C2M"}, "group"),
+        (MOTORS, {"kind": "series"}, "kind"),
+        (UNEQUAL, {"couplers": COUPLERS[:1]}, "couplers"),
+        (UNEQUAL, {"cars": ()}, "cars"),
+        (Line(), {"grades": (0.0, 0.01)}, "grades"),
+        (Rail(0.1), {"speed_law": "dry"}, "speed_law"),
+        (Rail(0.1), {"level": 14.0}, "level"),
+        (Patch(0.5), {"start": 10.0, "end": 5.0}, "start"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused_in_a_line_that_names_it(record, changes, named):
+    with pytest.raises(InputError, match=rf"^[^\n]*\b{named}\b[^\n]*$"):
+        replace(record, **changes)
