@@ -21,15 +21,28 @@ from typing import Any as _Any
 import pandas as _pd
 import xarray as _xr
 
-from alloc import metrics as _metrics
-from alloc import recording as _recording
+from alloc import record as _record
 from alloc import simulation as _simulation
+from alloc.driving import drive
 from alloc.errors import InputError
 from alloc.event import DriverCommand, Event
 from alloc.metrics import METRICS, Metric, metric
-from alloc.onboard.controllers import CONTROLLERS, HostedController, each_unit
-from alloc.rules import RULES, Allocation, AllocationProblem, Caps, Rule, Trigger, optimality
+from alloc.metrics import evaluate as _evaluate
+from alloc.onboard.beliefs import BELIEFS, Belief
+from alloc.onboard.controllers import CONTROLLERS, Controller
+from alloc.onboard.controllers import register as register_controller
+from alloc.parts import belief, control, law
+from alloc.rules import (
+    RULES,
+    Allocation,
+    AllocationProblem,
+    Rule,
+    convex_rule,
+    optimality,
+    reference_rule,
+)
 from alloc.rules.testing import check_rule
+from alloc.tables import Column, Table
 from alloc.testing import check_controller, check_curve
 from studies import compare as _compare
 from studies.catalogue import find_study as _find_study
@@ -43,10 +56,10 @@ from studies.statistics import statement_table as _statement_table
 
 __version__ = _version("readhesion")
 __all__ = [
-    "CONTROLLERS", "METRICS", "RULES", "Allocation", "AllocationProblem", "Caps", "DriverCommand", "Event",
-    "HostedController", "InputError", "Metric", "Rule", "Scenario", "Trigger", "check_controller", "check_curve",
-    "check_rule", "compare", "each_unit", "evaluate", "load", "load_scenario", "metric", "optimality", "plot", "save",
-    "simulate", "sweep",
+    "BELIEFS", "CONTROLLERS", "METRICS", "RULES", "Allocation", "AllocationProblem", "Belief", "Column", "Controller",
+    "DriverCommand", "Event", "InputError", "Metric", "Rule", "Scenario", "Table", "belief", "check_controller",
+    "check_curve", "check_rule", "compare", "control", "convex_rule", "drive", "evaluate", "law", "load", "load_scenario",
+    "metric", "optimality", "plot", "reference_rule", "register_controller", "save", "simulate", "sweep",
 ]  # fmt: skip
 
 _Named = str | _Path | Scenario
@@ -59,25 +72,23 @@ def __dir__() -> list[str]:
 def simulate(
     event: _Named | Event,
     rule: str | Rule = "cooperative",
-    controller: str | HostedController = "perturb-observe",
+    controller: str | Controller = "perturb-observe",
     seed: int = 0,
-    **options: _Any,
 ) -> _xr.Dataset:
     """Run one slip event under a rule and a readhesion controller; returns the recorded run, see `alloc.record`.
 
     `event`: the name of a scenario, the path of its file, a `Scenario`, or an `Event`, which has its draws already. `seed`
-    determines all that a scenario draws. `options` are those of `alloc.simulation.simulate`. Raises `InputError` for
-    what cannot be simulated.
+    determines all that a scenario draws. Raises `InputError` for what cannot be simulated.
     """
     _check("seed", seed, 0)
     if isinstance(event, Event):
         if seed:
             raise _StudyError(f"seed = {seed}: an event has its draws; give its scenario")
-        return _simulation.simulate(event, rule, controller, **options)
+        return _simulation.simulate(event, rule, controller)
     scenario = _scenario(event)
-    if isinstance(rule, str) and isinstance(controller, str) and not options:
+    if isinstance(rule, str) and isinstance(controller, str):
         return _recorded(scenario, rule, controller, seed)
-    return _simulation.simulate(scenario.event(seed), rule, controller, **options)
+    return _simulation.simulate(scenario.event(seed), rule, controller)
 
 
 def evaluate(run: _xr.Dataset) -> dict[str, float]:
@@ -86,11 +97,8 @@ def evaluate(run: _xr.Dataset) -> dict[str, float]:
         raise InputError(
             f"evaluate takes a recorded run, not {run!r:.60}; readhesion.load reads one"
         )
-    for name, variable in _recording.VARIABLES.items():
-        if name in run and run[name].dims != variable.dims:
-            raise InputError(f"run: {name} has dimensions {run[name].dims}, not {variable.dims}")
     try:
-        return _metrics.evaluate(run)
+        return _evaluate(run)
     except (KeyError, AttributeError) as error:
         raise InputError(
             f"run: {error} is missing; evaluate takes whole runs of simulate"
@@ -118,7 +126,7 @@ def compare(
     grid = _compare.grid(
         chosen, _several("rules", rules), _several("controllers", controllers), seeds
     )
-    _try_own_parts(grid.rules, (*grid.controllers, *grid.slow))
+    _try_own_parts(grid.rules, grid.controllers)
     study = _compare.study_of(grid)
     with _tempfile.TemporaryDirectory() as folder:
         return _tidy(_run_study(study, out or folder, jobs=jobs))
@@ -165,12 +173,12 @@ def plot(run: _xr.Dataset, path: str | _Path | None = None) -> _Any:
 
 def save(run: _xr.Dataset, path: str | _Path) -> None:
     """Write a recorded run, as netCDF (.nc) or for MATLAB (.mat); raises `OSError` that names the file."""
-    _recording.save(run, _Path(path))
+    _record.save(run, _Path(path))
 
 
 def load(path: str | _Path) -> _xr.Dataset:
     """Read a run that `save` wrote; raises `OSError` that names the file."""
-    return _recording.load(_Path(path))
+    return _record.load(_Path(path))
 
 
 @_xr.register_dataset_accessor("readhesion")

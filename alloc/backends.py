@@ -11,7 +11,6 @@ from collections.abc import Callable
 from types import FunctionType, ModuleType
 from typing import Any
 
-import casadi
 from numba import njit
 
 from alloc import laws
@@ -64,9 +63,18 @@ compiled: Any = with_operations(
     maximum=_maximum, minimum=_minimum, absolute=abs, exp=math.exp, sqrt=math.sqrt, copysign=math.copysign,
     atan=math.atan, floor=math.floor, sine=math.sin,
 )  # fmt: skip
-symbolic: Any = with_operations(
-    ast.parse(_TEXT), casadi_law,
-    where=casadi.if_else, maximum=casadi.fmax, minimum=casadi.fmin, absolute=casadi.fabs, exp=casadi.exp,
-    sqrt=casadi.sqrt, copysign=lambda a, b: a * casadi.sign(b), atan=casadi.atan, floor=casadi.floor,
-    sine=casadi.sin,
-)  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """`symbolic`, made when it is asked for: CasADi takes longer to import than a run takes."""
+    if name != "symbolic":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    import casadi
+
+    globals()[name] = with_operations(
+        ast.parse(_TEXT), casadi_law,
+        where=casadi.if_else, maximum=casadi.fmax, minimum=casadi.fmin, absolute=casadi.fabs, exp=casadi.exp,
+        sqrt=casadi.sqrt, copysign=lambda a, b: a * casadi.sign(b), atan=casadi.atan, floor=casadi.floor,
+        sine=casadi.sin,
+    )  # fmt: skip
+    return globals()[name]

@@ -297,9 +297,9 @@ ONBOARD = Table(
     ),
     quantum=Column(0.0, "m s-1", "step to which a speed is rounded; 0: none"),
     pole=Column(40.0, "s-1", "pole of the detector's differentiator"),
-    slip_on=Column(1.8, "m s-2", "acceleration of slip", source="JP5484215 Fig. 5"),
+    slip_on=Column(1.5, "m s-2", "acceleration of slip", source="JP5484215 Fig. 5"),
     slip_off=Column(
-        0.9, "m s-2", "acceleration below which slip has ended", source="JP5484215 Fig. 5"
+        0.75, "m s-2", "acceleration below which slip has ended", source="JP5484215 Fig. 5"
     ),
     speed_on=Column(0.6, "m s-1", "slip velocity of slip"),
     observer_pole=Column(25.0, "s-1", "pole a of the disturbance observer", source="JP5484215 (3)"),
@@ -313,8 +313,8 @@ ONBOARD = Table(
     unknown_most=Column(
         0.1, "m s-2", "deviation of the specific force that nothing explains, at most"
     ),
-    walk=Column(0.03, "m s-2.5", "its walk per root of time"),
-    gate=Column(3.0, ONE, "deviations ahead beyond which an axle slips"),
+    walk=Column(0.002, "m s-2.5", "its walk per root of time"),
+    gate=Column(2.0, ONE, "deviations ahead beyond which an axle slips"),
     train_mass=Column(2.4e5, "kg", "mass of the train, as believed"),
     resistance=Column(0.0, "N", "running resistance at rest, as believed"),
     resistance_linear=Column(0.0, "N s m-1", "its linear part, as believed"),

@@ -73,15 +73,20 @@ def jit(*signature: Any) -> Any:
 
     Division by zero gives inf or nan, as NumPy's does, and results are kept between processes.
     """
-    options: Any = {"error_model": "numpy", "cache": FOLDER is not None}
-    if len(signature) == 1 and callable(signature[0]) and hasattr(signature[0], "__code__"):
-        return numba.njit(**options)(signature[0])
+    if len(signature) == 1 and hasattr(signature[0], "__code__"):
+        return numba.njit(**_options(signature[0]))(signature[0])
 
     def decorate(function: Callable[..., Any]) -> Any:
         with _said(function.__name__):
-            return numba.njit(*signature, **options)(function)
+            return numba.njit(*signature, **_options(function))(function)
 
     return decorate
+
+
+def _options(function: Any) -> dict[str, Any]:
+    """Of what was typed at a prompt nothing is kept: Numba names what it keeps after the function's file."""
+    has_file = os.path.isfile(function.__code__.co_filename)
+    return {"error_model": "numpy", "cache": FOLDER is not None and has_file}
 
 
 class _said:

@@ -12,7 +12,7 @@ import xarray as xr
 
 from alloc.compilation import jit
 from alloc.errors import SimulationError, UnsoundRun
-from alloc.event import Event
+from alloc.event import DriverCommand, Event
 from alloc.plant import advance, derivative, note
 from alloc.record import dataset, room
 from alloc.simulation import keep
@@ -36,6 +36,8 @@ class TrainSense(NamedTuple):
     brakes: Rows
 
 
+NO_COMMAND = DriverCommand((0.0,), (0.0,))
+"""That of an event that somebody drives."""
 Driver = Callable[[TrainSense, Rows, Rows], bool | None]
 """`driver(sense, units, brakes)` sets `units.applied` [N m], positive driving, and `brakes.pressure_target` [Pa] for the
 coming control period; they stay until changed. False ends the run."""
@@ -49,10 +51,11 @@ def drive(event: Event, driver: Driver) -> xr.Dataset:
     """
     w = event.world()
     record, run, last, ended = room(w), w.run[0], float(w.state[_first_speed(w.cars, w.plant)]), 0
+    period = event.onboard.period
     for k in range(w.command.size):
-        run.time = time = k * run.period
+        run.time = time = k * period
         speed = float(w.state[_first_speed(w.cars, w.plant)])
-        rate = (speed - last) / run.period
+        rate = (speed - last) / period
         sense = TrainSense(time, float(w.state[0]), speed, rate, w.axles, w.units, w.brakes)
         last, go_on = speed, driver(sense, w.units, w.brakes)
         for label, values in (

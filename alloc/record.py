@@ -75,7 +75,9 @@ def dataset(
     """The recorded run of `ended` ticks."""
     every = max(1, round(event.record_period / event.onboard.period))
     kept = slice(0, ended, every)
-    parts = zip(_TABLES, record[: len(_TABLES)], strict=True)
+    recorded: tuple[Any, ...] = record[: len(_TABLES)]
+    parts = zip(_TABLES, recorded, strict=True)
+    dims: tuple[str, ...]
     data: dict[str, Any] = {}
     for table, rows in parts:
         for name, column in table.columns.items():
@@ -136,7 +138,12 @@ def _add_limits(data: dict[str, Any], time: NDArray[np.float64], w: World) -> No
     taken = np.clip(plant.receptivity + plant.receptivity_swing * np.sin(phase), 0.0, 1.0)
     for name, table, part, meaning in (
         ("drive_limit", w.effort, np.ones_like(time), "most that each motor can pull with"),
-        ("brake_limit", w.retard, taken, "most that each motor can brake with, as far as the line takes it"),
+        (
+            "brake_limit",
+            w.retard,
+            taken,
+            "most that each motor can brake with, as far as the line takes it",
+        ),
     ):
         speeds = np.arange(table.shape[1])
         found = [np.interp(kmh[:, j], speeds, table[j]) for j in range(w.units.size)]
@@ -227,8 +234,18 @@ _NETCDF = threading.Lock()
 
 
 def save(run: xr.Dataset, path: Path | str) -> None:
-    """Write a run to netCDF, compressed; `load` reads it whole. Raises `OSError` naming the file."""
+    """Write a run to netCDF, compressed; `load` reads it whole. Raises `OSError` naming the file.
+
+    Where the ending is `.mat` it is written for MATLAB: a matrix for each variable, and the attributes as a struct.
+    """
     path = Path(path)
+    if path.suffix.lower() == ".mat":
+        from scipy.io import savemat
+
+        content: dict[str, Any] = {str(name): one.values for name, one in run.variables.items()}
+        content["attributes"] = dict(run.attrs)
+        write_whole(path, lambda aside: savemat(aside, content, oned_as="column"))
+        return
     encoding = {name: {"zlib": True, "complevel": 4} for name, v in run.variables.items() if v.ndim}
 
     def write(aside: Path) -> None:

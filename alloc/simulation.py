@@ -15,7 +15,7 @@ import xarray as xr
 from numba import boolean, int64, void
 
 from alloc.compilation import jit
-from alloc.errors import InputError, UnsoundRun
+from alloc.errors import InputError, SimulationError, UnsoundRun
 from alloc.event import Event
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.sensing import report, sense
@@ -40,6 +40,7 @@ from alloc.parts import (
 )
 from alloc.plant import advance, derivative, note, true_limits
 from alloc.record import RECORD, dataset, room
+from alloc.registry import Registry
 from alloc.rules import RULES, Rule
 from alloc.world import WORLD
 
@@ -63,16 +64,23 @@ class Simulation:
     """A run that can be stopped between control instants: `go_on` to the end, or `aim`, commands of one's own, and `go`."""
 
     def __init__(self, event: Event, rule: str | Rule, controller: str | Controller) -> None:
-        self.rule = RULES.find(rule) if isinstance(rule, str) else rule
-        self.controller = (
-            CONTROLLERS.find(controller) if isinstance(controller, str) else controller
-        )
+        if not isinstance(event, Event):
+            scenario = hasattr(event, "event")
+            hint = (
+                "its method event(seed) gives one"
+                if scenario
+                else "readhesion.simulate takes names too"
+            )
+            raise SimulationError(f"{event!r:.60} is no Event: {hint}")
+        self.rule: Rule = _part(RULES, Rule, rule)
+        self.controller: Controller = _part(CONTROLLERS, Controller, controller)
         if self.rule.settings:
             onboard = event.onboard.with_settings(self.rule.settings)
             event = replace(event, onboard=onboard)
         self.event, world = event, event.world()
         self.knows = self.rule.belief.knows
-        if self.knows:  # what no train can know: the true speed, and orders that take no time
+        if self.knows:  # what no train can know: the true speed, orders that take no time, and no need of readhesion
+            self.controller = CONTROLLERS["none"]
             world.onboard.true_speed[:] = 1
             world.told[:] = np.arange(world.command.size)[:, None]
         self.world = world._replace(memory=self.controller.rows(world.units.size))
@@ -100,7 +108,8 @@ class Simulation:
 
     def _served(self, *parts: Callable[..., Any]) -> None:
         try:
-            steps(*parts, self.knows, self.tick, self.world, self.record)
+            in_python: Any = steps
+            in_python(*parts, self.knows, self.tick, self.world, self.record)
         except InputError:
             raise
         except Exception as error:
@@ -129,6 +138,21 @@ class Simulation:
             )
         names = self.rule.name, self.controller.name
         return dataset(self.event, *names, w, self.record, ended, self.wall_time)
+
+
+def _part(registry: Registry[Any], kind: type, given: Any) -> Any:
+    """The part that is given, by its name or as itself."""
+    if isinstance(given, str):
+        return registry.find(given)
+    if not isinstance(given, kind):
+        several = isinstance(given, list | tuple)
+        hint = (
+            "a run has one; `readhesion.compare` takes several"
+            if several
+            else f"give its name, or {kind.__name__}(...)"
+        )
+        raise SimulationError(f"{registry.kind} = {given!r:.60}: {hint}")
+    return given
 
 
 # An instant, in its order; each piece is compiled by itself.

@@ -12,6 +12,9 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+import mpc.unit  # noqa: F401 (registers the MPC)
+from alloc.columns import TABLES
+from alloc.onboard.controllers import CONTROLLERS
 
 project = html_title = "readhesion"
 version = release = installed_version("readhesion")
@@ -72,8 +75,21 @@ def visit_math(writer: Any, node: nodes.math | nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
+def list_quantities(app: Sphinx, page: str, source: list[str]) -> None:
+    """Add the columns of all tables, and of the controllers' memories, to the page of quantities."""
+    for table in (*TABLES, *(one.memory for one in CONTROLLERS.values() if one.memory.columns)):
+        if page == "quantities":
+            rows = [
+                f"| `{key}` | {one.unit} | {one.meaning} | {'yes' if one.recorded else ''} | {one.source} |"
+                for key, one in table.columns.items()
+            ]
+            head = f"\n## {table.name}\n\n| column | unit | meaning | recorded | source |\n|---|---|---|---|---|\n"
+            source[0] += head + "\n".join(rows) + "\n"
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Equations as MathML, docstrings and types as they are meant."""
+    app.connect("source-read", list_quantities)
     app.connect("autodoc-process-docstring", escape_bars)
     app.connect("object-description-transform", shorten_types)
     written = visit_math, None

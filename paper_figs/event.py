@@ -18,11 +18,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
+from alloc.event import Event
+from alloc.laws import window
 from alloc.metrics import evaluate
 from alloc.onboard.controllers import CONTROLLERS
-from alloc.rail import patch_factor, window
 from alloc.rules import RULES
-from alloc.train_rows import Model
+from alloc.train_rows import rows_of
 from paper_figs.style import NARROW, WIDE, Drawing
 from studies.runs import recorded
 from studies.scenario import load
@@ -133,7 +134,7 @@ def allocation_bars() -> Figure:
         run = recorded(load("wet-patch"), rule, "perturb-observe", 0)
         at = run.sel(time=slice(INSTANT - 0.25, INSTANT + 0.25))
         each = np.array([use_of(at, [unit]).mean(axis=1) for unit in range(run.sizes["unit"])])
-        plan = float(at["expected"].mean())
+        plan = float(at["plan"].mean())
         _bars(axes, each, RULES[rule].colour)
         axes.axhline(plan, label="plan", **DASHED)
         title = f"{rule}\n{100.0 * each[:, 1].mean() / plan:.0f} % of plan"
@@ -171,10 +172,10 @@ def adhesion_drop() -> Figure:
     rail = axle["adhesion_limit"].values
     force.fill_between(run["time"], 0.0, rail, color=OFFERED, linewidth=0.0)
     for level in rail[[0, -1]]:
-        path.plot(across, event.event().model.rail.curve.coefficient(across, level), **DASHED)
+        path.plot(across, event.event().rail.curve(across, level), **DASHED)
     force.set(ylabel="coefficient [1]", ylim=(0.08, 0.2))
     force.set_title("foremost driven axle; filled: what the rail offers")
-    slip.set(xlabel="time [s]", ylabel="slip [m/s]", xlim=(5.0, 10.0), ylim=(0.0, 0.24))
+    slip.set(xlabel="time [s]", ylabel="slip [m/s]", xlim=(5.0, 10.0), ylim=(0.0, 0.4))
     path.set(xlabel="slip [m/s]", ylabel="coefficient [1]", xlim=(0.0, 0.3), ylim=(0.0, 0.2))
     path.set_title("dashed: its curve before and after")
     slip.legend(ncols=3, loc="upper left")
@@ -189,7 +190,7 @@ FRAMES, RATE, BEFORE = 80, 9, 1.5
 
 def film(path: Path, name: str = "wet-patch", rule: str = "cooperative") -> None:
     """Write an event under `rule` and cut-and-ramp as a GIF: train and rail, each unit, and all units over time."""
-    run, model = recorded(load(name), rule, "cut-and-ramp", 0), load(name).event().model
+    run, event = recorded(load(name), rule, "cut-and-ramp", 0), load(name).event()
     time, slip = run["time"].values, np.abs(run["slip_velocity"].values)
     worst, units = slip.max(axis=1), range(run.sizes["unit"])
     first = np.searchsorted(time, time[np.argmax(worst > 0.5 * worst.max())] - BEFORE)
@@ -202,7 +203,7 @@ def film(path: Path, name: str = "wet-patch", rule: str = "cooperative") -> None
         k = instants[frame]
         for axes in (line, bars, whole):
             axes.clear()
-        _train(line, model, run, k, worst.max())
+        _train(line, event, run, k, worst.max())
         _bars(bars, each[:, :, k], _colour(run))
         bars.set(xlim=(len(units) + 0.6, 0.4), ylim=(0.0, 1.3 * each.max()))
         bars.set_ylabel("coefficient [1]")
@@ -216,25 +217,25 @@ def film(path: Path, name: str = "wet-patch", rule: str = "cooperative") -> None
     moving.save(path, PillowWriter(RATE), dpi=200)
 
 
-def _train(axes: Axes, model: Model, run: xr.Dataset, k: int, worst: float) -> None:
+def _train(axes: Axes, event: Event, run: xr.Dataset, k: int, worst: float) -> None:
     """Cars, wheels and rail at instant `k`, the front at 0; of each wheel the largest slip of the last tenth of a second."""
-    at, s, front = run.isel(time=k), model.structure, 0.0
-    for car in model.train.cars:
+    at, axles, front = run.isel(time=k), rows_of(event.train).axles, 0.0
+    for car in event.train.cars:
         corner, face = (front - car.length + 0.5, 0.42), MOTOR_CAR if car.motors else "white"
         axes.add_patch(Rectangle(corner, car.length - 1.0, 0.5, facecolor=face, edgecolor=DARK))
         front -= car.length
     places = np.linspace(front, 0.0, 400)
     factor = np.ones((1, places.size))
-    for one in model.rail.patches:
+    for one in event.rail.patches:
         there = window(float(at["position"]) + places, one.start, one.end, one.edge)
         then = window(float(at["time"]), one.begin, one.until, one.fade)
-        factor *= patch_factor(there, then, one.factor)
+        factor *= 1.0 + there * then * (one.factor - 1.0)
     extent, scale = (front, 0.0, 0.0, 0.14), Normalize(0.3, 1.0)
     axes.imshow(factor, cmap=ADHESION, norm=scale, aspect="auto", extent=extent)
     slip = np.abs(run["slip_velocity"].values[max(0, k - 10) : k + 1]).max(axis=0)
     look: dict[str, Any] = {"edgecolors": "black", "linewidths": 0.5, "cmap": SLIP}
-    size = np.where(s.axle_unit >= 0, 12.0, 6.0)
-    axes.scatter(s.axle_offset, 0.27 + 0.0 * size, size, slip, vmin=0.0, vmax=worst, **look)
+    size = np.where(axles.unit >= 0, 12.0, 6.0)
+    axes.scatter(axles.offset, 0.27 + 0.0 * size, size, slip, vmin=0.0, vmax=worst, **look)
     words = "darker wheels slip more, darker rail is slipperier"
     axes.text(0.5 * front, -0.3, words, ha="center", color=DARK)
     told = f"{float(at['time']):4.1f} s, {3.6 * float(at['speed']):2.0f} km/h"

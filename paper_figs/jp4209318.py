@@ -7,7 +7,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.laws import hyperbolic_speed_law
+from alloc.columns import AXLE, PLANT
+from alloc.laws import speed_law
 from alloc.metrics import distance
 from paper_figs.style import WIDE, Drawing
 from studies.jp4209318 import CALIBRATED, TABLE_3, TABLE_4, stop
@@ -18,17 +19,18 @@ AXLES = ("#d55e00", "#e69f00", "#0072b2", "#56b4e9")
 
 def adhesion() -> Figure:
     """Left over slip ratio, right over speed; above the first axle, below the twelfth."""
-    rail = CALIBRATED.rail()
+    rail, axles, plant = CALIBRATED.rail(), AXLE.rows(12), PLANT.rows(1)[0]
+    rail.put_under(axles, plant)
     drawn = Figure(figsize=(WIDE, 3.2), layout="constrained")
     panels = drawn.subplots(2, 2, sharex="col", sharey=True)
     ratio, speeds = np.linspace(0.0, 0.2, 401), np.linspace(0.0, 100.0, 101)
     for (over_slip, over_speed), axle, letters in zip(panels, (0, 11), ("ab", "cd"), strict=True):
-        law = rail.axle_laws(12)[:, axle]
+        law = axles[axle].law_numerator, plant.law_offset, axles[axle].law_constant
         for kmh, colour in ((20.0, AXLES[3]), (60.0, AXLES[2]), (100.0, "black")):
-            v, peak = kmh / 3.6, float(hyperbolic_speed_law(kmh / 3.6, *law))
-            mu = -np.asarray(rail.curve.coefficient(-ratio * v, peak, v))
+            v, peak = kmh / 3.6, float(speed_law(kmh / 3.6, *law))
+            mu = -rail.curve(-ratio * v, peak, v)
             over_slip.plot(100.0 * ratio, mu, color=colour, label=f"{kmh:.0f} km/h")
-        over_speed.plot(speeds, hyperbolic_speed_law(speeds / 3.6, *law), color="black")
+        over_speed.plot(speeds, speed_law(speeds / 3.6, *law), color="black")
         over_slip.set(ylabel="adhesion coefficient [–]", title=f"({letters[0]}) axle {axle + 1}")
         over_speed.set_title(f"({letters[1]}) axle {axle + 1}")
     panels[0, 0].legend(loc="lower right")

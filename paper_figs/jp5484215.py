@@ -85,8 +85,8 @@ def curve() -> Figure:
     drawn = Figure(figsize=(NARROW, 2.4), layout="constrained")
     axes, slip, speed = drawn.subplots(), np.linspace(0.0, 4.0, 500), 20.0
     for law, friction, line in ((POLACH_WET, 0.30, "-"), (POLACH_DRY, 0.55, "--")):
-        most, place = (float(one) for one in law.limit(friction, speed))
-        axes.plot(slip, law.coefficient(slip, friction, speed), line, color=BLUE)
+        most, place = (float(one) for one in law.top(speed, friction))
+        axes.plot(slip, law(slip, friction, speed), line, color=BLUE)
         axes.plot(place, most, "o", color=RED)
         axes.text(
             place, most + 0.02, f"{'wet' if line == '-' else 'dry'}: {most:.2f} at {place:.1f} m/s"

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from alloc.curves import CURVES, AdhesionCurve, PiecewiseCurve
+from alloc.train_rows import rows_of
 from paper_figs.style import WIDE, Drawing
 from studies.scenario import load
 
@@ -32,7 +33,7 @@ def level_of(curve: AdhesionCurve) -> float:
     """Level at which the peak is `PEAK`; that of Polach's curves is the friction coefficient, above the peak."""
     level = PEAK
     for _ in range(20):
-        level *= PEAK / float(curve.limit(level, SPEED)[0])
+        level *= PEAK / float(curve.top(SPEED, level)[0])
     return level
 
 
@@ -41,13 +42,13 @@ def adhesion_curve() -> Figure:
     drawn = Figure(figsize=(WIDE, 2.6), layout="constrained")
     left, right = drawn.subplots(1, 2, sharey=True)
     curve, end = PiecewiseCurve(), 0.2
-    top = float(curve.limit(PEAK)[1])
+    top = float(curve.top(0.0, PEAK)[1])
     line = PEAK / curve.micro_slope - curve.micro_slope / (4.0 * curve.top_curvature)
     tail = top + curve.macro_slope / (2.0 * curve.top_curvature)
     looks = (("line", BLUE), ("parabola", "black"), ("exponential", RED))
     for span, (name, colour) in zip(pairwise((0.0, line, tail, end)), looks, strict=True):
         slip = np.linspace(*span, 200)
-        left.plot(slip, curve.coefficient(slip, PEAK), color=colour, linewidth=2.0, label=name)
+        left.plot(slip, curve(slip, PEAK), color=colour, linewidth=2.0, label=name)
     for low, high, colour, words in (
         (0.0, top, BLUE, "micro slip,\nstable"),
         (top, end, RED, "macro slip,\nunstable"),
@@ -62,9 +63,9 @@ def adhesion_curve() -> Figure:
     slip = np.concatenate([np.linspace(0.0, 0.2, 300), np.linspace(0.2, 4.0, 300)])
     for kind, (name, colour, dashes) in LOOKS.items():
         law = CURVES[kind]()
-        mu = law.coefficient(slip, level_of(law), SPEED)
+        mu = law(slip, level_of(law), SPEED)
         right.plot(slip, mu, color=colour, linestyle=dashes, label=name)
-        right.plot(law.limit(level_of(law), SPEED)[1], PEAK, "o", color=colour)
+        right.plot(law.top(SPEED, level_of(law))[1], PEAK, "o", color=colour)
     right.set(title=f"(b) equal peaks at {3.6 * SPEED:.0f} km/h", xlabel=SLIP, xlim=(0.0, 4.0))
     right.legend(loc="lower left", bbox_to_anchor=(0.37, 0.0))
     return drawn
@@ -78,14 +79,13 @@ def creep() -> Figure:
     level, speed = level_of(curve), np.linspace(1.0, 120.0, 200)
     shades = {10: "#9ecae1", 30: "#56a0ce", 60: "#2171b5", 120: "#08306b"}
     for kmh, shade in shades.items():
-        left.plot(slip, curve.coefficient(slip, level, kmh / 3.6), color=shade, label=f"{kmh} km/h")
-        most, place = curve.limit(level, kmh / 3.6)
+        left.plot(slip, curve(slip, level, kmh / 3.6), color=shade, label=f"{kmh} km/h")
+        most, place = curve.top(kmh / 3.6, level)
         left.plot(place, most, "o", color=shade)
     left.set(title="(a) Polach, wet", xlabel=SLIP, ylabel=COEFFICIENT, xlim=(0.0, 3.0), ylim=0.0)
     left.legend(loc="lower right")
     for kind, (name, colour, dashes) in LOOKS.items():
-        place = CURVES[kind]().limit(level_of(CURVES[kind]()), speed / 3.6)[1]
-        place = np.broadcast_to(place, speed.shape)
+        place = CURVES[kind]().top(speed / 3.6, level_of(CURVES[kind]()))[1]
         right.plot(speed, place, color=colour, linestyle=dashes, label=name)
     right.set(title="(b) all curves", xlabel="speed [km/h]", xlim=(0.0, 120.0), yscale="log")
     right.set_ylabel("slip velocity of the peak [m/s]")
@@ -124,7 +124,7 @@ def _arrow(axes: Axes, colour: str, *places: tuple[float, float]) -> None:
 
 def _train(axes: Axes) -> None:
     """A trailer and two motor cars of the commuter train, the front at 0, and a wet patch below the front."""
-    s = load("wet-start").event().model.structure
+    axle = rows_of(load("wet-start").event().train).axles
     axes.set(xlim=(-61.0, 9.0), ylim=(0.0, 10.0), title="(a) train, telegrams and forces")
     for start, length, colour in ((-61.0, 70.0, "#c9ced3"), (-31.0, 40.0, BLUE)):
         axes.add_patch(Rectangle((start, 0.9), length, 0.35, facecolor=colour))
@@ -137,7 +137,7 @@ def _train(axes: Axes) -> None:
         _box(axes, x, 6.3, (14.0, 2.2), words, "white")
         _arrow(axes, DARK, (x - 2.0, 5.2), (x - 2.0, 3.8))
         _arrow(axes, GREEN, (x + 2.0, 3.8), (x + 2.0, 5.2))
-    for x, unit in zip(s.axle_offset, s.axle_unit, strict=True):
+    for x, unit in zip(axle.offset, axle.unit, strict=True):
         if x > -60.0:
             axes.plot(x, 1.6, "o", color=DARK, markersize=6.5 if unit >= 0 else 5.0)
         if x > -60.0 and unit >= 0:

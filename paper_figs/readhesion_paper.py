@@ -77,7 +77,7 @@ def curve_and_table() -> Figure:
         slip = np.linspace(0.0, end, 500)
         for colour, (unit, given) in zip(("#009E73", "#CC79A7"), IN_USE.items(), strict=True):
             for most, look in ((paper.BEFORE, "-"), (CASE_A.limit, "--")):
-                mu = given.curve.coefficient(slip, most)
+                mu = given.curve(slip, most)
                 axes.plot(slip, mu, look, color=colour, label=f"{most:g}, set in {shown(unit)}")
         axes.set(xlabel="slip velocity [m/s]", xlim=(0.0, end), ylim=(0.0, 0.2))
     close.set(xticks=[0.0, 0.05, 0.1, 0.15], ylabel="coefficient [–]")
@@ -123,9 +123,9 @@ def trajectory() -> Figure:
             axes.plot(own, torque, color=COLOURS[case.width], linewidth=0.8, label="torque command")
             axes.plot(own[last], torque[last], color="#E69F00", linewidth=2.2, label="its last 2 s")
             axes.plot(own[0], torque[0], "o", color=COLOURS[case.width], label="adhesion drops")
-            mu = given.curve.coefficient(slip, case.limit)
+            mu = given.curve(slip, case.limit)
             axes.plot(slip, mu, "k--", linewidth=0.9, label="adhesion curve")
-            macro = float(given.curve.limit(case.limit)[1]), slip[-1]
+            macro = float(given.curve.top(0.0, case.limit)[1]), slip[-1]
             axes.axvspan(*macro, color="0.93", linewidth=0.0, label="macro slip")
             axes.set(title=title(case, unit), xscale="log", xlim=(slip[0], slip[-1]))
             axes.xaxis.set_major_formatter("{x:g}")

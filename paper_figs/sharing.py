@@ -16,7 +16,7 @@ from alloc.rules import RULES
 from paper_figs.style import WIDE, Drawing
 from studies.compare import EFFORT, REFERENCE, standings
 from studies.headroom import BASE, BOUND, CONTROLLERS, SHARERS, pairs
-from studies.runs import complete, is_slow
+from studies.runs import complete
 from studies.statistics import Interval, mean
 
 FILLS = ("full", "left", "none")
@@ -96,9 +96,9 @@ FULL = 8.0
 
 
 def rule_events(rows: pd.DataFrame) -> Figure:
-    """Points of the bound over `REFERENCE` by event and rule, under each controller that is not slow."""
+    """Points of the bound over `REFERENCE` by event and rule, under each controller."""
     good = rows[rows["status"] == "ok"]
-    laws = [law for law in good["controller"].unique() if not is_slow(str(law))]
+    laws = good["controller"].unique()
     used = good.pivot_table(index=["controller", "scenario"], columns="rule", values=EFFORT)
     gain = 100.0 * used.sub(used.pop(REFERENCE), axis=0)
     gain = gain[gain.mean().sort_values(ascending=False).index]

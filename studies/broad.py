@@ -7,31 +7,28 @@ is assumed, so results stand by kind too.
 
 import math
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import pandas as pd
 from matplotlib.figure import Figure
 
-from alloc.laws import hyperbolic_speed_law
+from alloc.laws import speed_law
 from alloc.rail import SPEED_LAWS
 from alloc.rules import RULES
 from alloc.train_rows import offered_by
 from studies import braking, claims, headroom, ladder
 from studies import events as e
-from studies.claims import CONTROLLERS
 from studies.core import WIDE, Cell, Row, Study
 from studies.headroom import BASE, BOUND, COSTS
 from studies.runs import cell, complete, paired, run
 from studies.scenario import Increments, Scenario
 from studies.statistics import Claim, Statement, forest, judge, mean, means, share
 
-SLOW = "mpc"
-"""A controller of which a run takes a second."""
+CONTROLLERS = (*claims.CONTROLLERS, "mpc")
 ARMS = (BASE, "uniform", "erp", "greedy", "exact", "cooperative", "wear", BOUND)
-RULES_OF = dict.fromkeys(CONTROLLERS, ARMS) | {SLOW: (BASE, "uniform", "cooperative", "wear", BOUND)}  # fmt: skip
-"""Controller -> rules that an event meets under it."""
-EVENTS_OF_SLOW = 28
-"""Events that `SLOW` meets: every kind on every curve."""
+RULES_OF_TRAINS = ARMS[1:-1]
+"""Those that a train can carry out, and that share."""
 
 # the events
 
@@ -63,7 +60,8 @@ def draw(seed: int, k: int) -> e.Keys:
         "short": g.one_of(("no", "yes")),
         # trains accelerate again after signals and speed restrictions
         "speed_kmh": g.sometimes(0.4, 20.0, FASTEST, 0.0),
-        "motors": g.one_of(("torque", "induction", "series")),  # trains have all three
+        # a third of the trains control every motor, the others have several on one frequency
+        "motors": g.one_of(("torque", "induction", "induction")),
         # 5 ms in the readhesion paper, 100 ms where commands pass a train bus
         "torque_lag_s": g.log_uniform(0.005, 0.1),
         "speed_noise_kmh": g.uniform(0.0, 0.1),  # to more than twice what other studies draw
@@ -113,8 +111,8 @@ def _asked(base: Scenario, factor: float) -> list[e.Keys]:
 def _on_railcar(base: Scenario) -> Scenario:
     """The same start by the railcar, asked for what needs the same coefficient."""
     changed = base.changed(train=RAILCAR, load_t=None)
-    plans = [one.event().equipment.planned_share for one in (base, changed)]
-    return changed.changed(command=_asked(base, plans[0] / plans[1]))
+    plans = [one.event().world().onboard.planned[0] for one in (base, changed)]
+    return changed.changed(command=_asked(base, float(plans[0] / plans[1])))
 
 
 def _rail(base: Scenario, d: e.Drawn, power: float) -> e.Keys:
@@ -123,11 +121,11 @@ def _rail(base: Scenario, d: e.Drawn, power: float) -> e.Keys:
     key = "level" if base.rail.law_factor is None else "law_factor"
     level = keys[key]
     if key == "law_factor":
-        level *= hyperbolic_speed_law(e.START_SPEED, *SPEED_LAWS[keys["speed_law"]])
-    model = base.event().model
-    own = offered_by(model.rail.curve, level, e.START_SPEED, model.structure)
+        level *= speed_law(e.START_SPEED, *SPEED_LAWS[keys["speed_law"]])
+    made = base.event()
+    own = offered_by(made.rail.curve, level, e.START_SPEED, made.train)
     speed = max(e.START_SPEED, d["speed_kmh"] / 3.6)
-    found = e.offering(e.curve(d["curve"], d), power * own, model.train, speed)
+    found = e.offering(e.curve(d["curve"], d), power * own, made.train, speed)
     scale = found["level"] / level
     changed = {"curve": found["curve"], key: scale * keys[key], "scatter": scale * keys["scatter"]}
     return keys | changed | {"increments": _grown(base.rail.increments, scale)}
@@ -149,9 +147,7 @@ def cells(events: int, seed: int) -> list[Cell]:
     for k in range(events):
         one, d = event(seed, k), draw(seed, k)
         drawn = {name: d[name] for name in DRAWN}
-        for law, rules in RULES_OF.items():
-            if law != SLOW or k < EVENTS_OF_SLOW:
-                found += [cell(one, rule, law, k, **drawn) for rule in rules]
+        found += [cell(one, rule, law, k, **drawn) for law, rule in product(CONTROLLERS, ARMS)]
     return found
 
 
@@ -187,41 +183,39 @@ def parts_of(own: pd.DataFrame) -> "dict[str, pd.Series[bool]]":
 def statements(rows: pd.DataFrame) -> list[Statement]:
     """Each rule that a train can carry out uses more of the bound than alone, without much beyond the plan; one family."""
     found = []
-    for law, rules in RULES_OF.items():
-        for rule in rules[1:-1]:
-            own = pairs(rows, law, rule)
-            beyond = Claim("", "beyond the plan, % of it", 100.0 * own["over_delivery"], most=1.0)
-            text = "uses more of the bound than alone: points"
-            claim = Claim(f"{rule}, {law}", text, own["gain"], least=0.0, parts=parts_of(own))
-            found.append(claim._replace(besides=[beyond._replace(digits=2)], digits=2))
+    for law, rule in product(CONTROLLERS, RULES_OF_TRAINS):
+        own = pairs(rows, law, rule)
+        beyond = Claim("", "beyond the plan, % of it", 100.0 * own["over_delivery"], most=1.0)
+        text = "uses more of the bound than alone: points"
+        claim = Claim(f"{rule}, {law}", text, own["gain"], least=0.0, parts=parts_of(own))
+        found.append(claim._replace(besides=[beyond._replace(digits=2)], digits=2))
     return judge(found)
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Each rule, and its gain over alone, also by part of the events; costs are less those of alone."""
     lines = []
-    for law, rules in RULES_OF.items():
-        for rule in rules:
-            own, less = pairs(rows, law, rule), BASE if rule != BASE else ""
-            gain, parts = own["gain"], parts_of(own)
-            gains = {"gain over alone": gain, **{name: gain[parts[name]] for name in SHOWN}}
-            worse = share(gain < -WORSE).text(0, 100.0)
-            line: Row = {"controller": law, "rule": rule, "events": len(own)}
-            line |= means(own, {"bound used [%]": ("bound_use", 1, 100.0)})
-            for words, values in gains.items():
-                line[f"{words} [points]"] = mean(values).text(2, sign=True) if less else "–"
-            line["worse by 0.3 points [% of events]"] = worse if less else "–"
-            line |= means(own, {"beyond the plan [% of it]": ("over_delivery", 2, 100.0)})
-            lines.append(line | means(own, COSTS, less))
+    for law, rule in product(CONTROLLERS, ARMS):
+        own, less = pairs(rows, law, rule), BASE if rule != BASE else ""
+        gain, parts = own["gain"], parts_of(own)
+        gains = {"gain over alone": gain, **{name: gain[parts[name]] for name in SHOWN}}
+        worse = share(gain < -WORSE).text(0, 100.0)
+        line: Row = {"controller": law, "rule": rule, "events": len(own)}
+        line |= means(own, {"bound used [%]": ("bound_use", 1, 100.0)})
+        for words, values in gains.items():
+            line[f"{words} [points]"] = mean(values).text(2, sign=True) if less else "–"
+        line["worse by 0.3 points [% of events]"] = worse if less else "–"
+        line |= means(own, {"beyond the plan [% of it]": ("over_delivery", 2, 100.0)})
+        lines.append(line | means(own, COSTS, less))
     return pd.DataFrame(lines)
 
 
 def figure(rows: pd.DataFrame) -> Figure:
     """Gain over alone of each rule that a train can carry out."""
     drawn = Figure(figsize=(WIDE, 2.3), layout="constrained")
-    for axes, (law, rules) in zip(drawn.subplots(1, 3), RULES_OF.items(), strict=True):
+    for axes, law in zip(drawn.subplots(1, 3), CONTROLLERS, strict=True):
         numbers = {}
-        for rule in rules[1:-1]:
+        for rule in RULES_OF_TRAINS:
             own = pairs(rows, law, rule)
             numbers[rule] = [mean(own["gain"]), mean(own["gain"][parts_of(own)[HEADROOM]])]
         forest(axes, numbers, RULES, 0.0)

@@ -10,9 +10,8 @@ import pandas as pd
 from alloc.metrics import METRICS
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
-from alloc.simulation import inputs_hash
 from studies.core import Cell, Row, Study, StudyError
-from studies.runs import cell, is_slow, run
+from studies.runs import cell, run
 from studies.scenario import Scenario, default_scenarios
 from studies.statistics import Interval, mean
 
@@ -22,10 +21,8 @@ if TYPE_CHECKING:
 REFERENCE, EFFORT = "alone", "bound_use"
 """Rule from which the others' differences are counted, and the metric that ranks them."""
 NUMBERS = [EFFORT, "damage", "slip_time", "over_delivery"]
-CONTROLLERS_COMPARED = ("cut-and-ramp", "perturb-observe")
-SLOW = "mpc"
-"""Joins in on the first seed where nobody names controllers: a run takes tens of times as long."""
-LEFT_OUT = ("plan-times", "qp-daqp", "qp-cvxpy", "qp-robust", "wear-qp", "wear-cvxpy", "preview")
+CONTROLLERS_COMPARED = ("cut-and-ramp", "perturb-observe", "mpc")
+LEFT_OUT = ("qp-cvxpy", "qp-robust", "wear-qp")
 """Rules that answer as another does, or are told what no train knows; they run where they are named."""
 SEEDS = 5
 MOST_OVER = 0.01
@@ -43,27 +40,21 @@ class Grid(NamedTuple):
     rules: Sequence[str]
     controllers: Sequence[str]
     seeds: int
-    slow: Sequence[str] = ()
-    """Controllers that meet the first seed alone."""
 
     def cells(self) -> list[Cell]:
-        """By event, so that neighbours share what they prepare; slow ones first, lest one is last."""
-        slow = [cell(one, rule, law, 0)
-                for law in self.slow for one in self.scenarios for rule in self.rules]  # fmt: skip
-        found = [
+        """By event, so that neighbours share what they prepare."""
+        return [
             cell(one, rule, law, seed)
             for one in self.scenarios
             for seed in range(self.seeds if self.seeds > 1 and draws(one) else 1)
             for law in self.controllers
             for rule in self.rules
         ]
-        # two workers then compile at once what takes longest: the controller, and the loop
-        return slow[:1] + found[:1] + slow[1:] + found[1:]
 
 
 def draws(scenario: Scenario) -> bool:
     """Whether anything of an event depends on the seed."""
-    return inputs_hash(scenario.event(1)) != inputs_hash(scenario.event(2))
+    return scenario.event(1).inputs_hash != scenario.event(2).inputs_hash
 
 
 def grid(
@@ -82,19 +73,10 @@ def grid(
     rules = tuple(dict.fromkeys(rules or [name for name in RULES if name not in LEFT_OUT]))
     for name in rules:
         RULES.find(name)
-    slow = () if controllers else (SLOW,)
     controllers = tuple(dict.fromkeys(controllers or CONTROLLERS_COMPARED))
-    for name in (*controllers, *slow):
-        find_controller(name)
-    return Grid(chosen, rules, controllers, seeds or SEEDS, slow)
-
-
-def find_controller(name: str) -> object:
-    """The controller of this name. Raises `InputError` where there is none, or where it needs what is not installed."""
-    try:
-        return CONTROLLERS.find(name)
-    except ImportError as error:
-        raise StudyError(f"controller {name!r} needs what is not installed: {error}") from None
+    for name in controllers:
+        CONTROLLERS.find(name)
+    return Grid(chosen, rules, controllers, seeds or SEEDS)
 
 
 def study_of(chosen: Grid) -> Study:
@@ -139,7 +121,7 @@ def standings(rows: pd.DataFrame) -> list[Standing]:
     found = []
     good = rows[rows["status"] == "ok"]
     laws = [str(one) for one in good["controller"].unique()]
-    for controller in sorted(laws, key=is_slow):
+    for controller in laws:
         found += _standings(rows[rows["controller"] == controller], controller)
     return found
 
@@ -189,7 +171,7 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
 
 def _knows_the_rail(rule: str) -> bool:
     """Of a rule that is registered; rows of a plug-in may be read without it."""
-    return rule in RULES and RULES[rule].needs_truth
+    return rule in RULES and RULES[rule].belief.knows
 
 
 def frame(found: Sequence[Standing]) -> pd.DataFrame:
@@ -246,20 +228,13 @@ def _short(one: Interval, digits: int, scale: float = 1.0) -> str:
     return one.text(digits, scale, sign=True) if one.events and (one.value or one.high) else ""
 
 
-CAPS = ("the foremost limited unit's adhesion", "every unit's adhesion at its slip", "what every unit delivers",
-        "the true peaks ahead", "the true rail")  # fmt: skip
-ASKED = ("while a unit is limited", "step by step while one is", "always", "at the leader's slip",
-         "while the leader slips", "at any unit's slip", "always")  # fmt: skip
-"""What rules are told, by `Caps`, and when they are asked, by `Trigger`."""
-
-
 def informed(rules: Sequence[str]) -> list[str]:
     """Which rules know what, where they differ: then a comparison is of information too."""
     groups: dict[str, list[str]] = {}
     for name in dict.fromkeys(rules):
         rule = RULES.get(name)
         if name != REFERENCE and rule:
-            groups.setdefault(f"{CAPS[rule.caps]}, {ASKED[rule.trigger]}", []).append(name)
+            groups.setdefault(rule.belief.told, []).append(name)
     if len(groups) < 2:
         return []
     return [f"{', '.join(names)}: told {words}" for words, names in groups.items()]

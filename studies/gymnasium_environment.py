@@ -1,7 +1,7 @@
 """A slip event as an environment of Gymnasium: the agent is the readhesion controller of some units of the train, or of all.
 
-A step is a control period of `alloc.simulation`, so plant, sensors, telegrams and rule are those of every other run. Needs the
-extra `gym`. Importing this module registers the environment as ``readhesion/train-v0``.
+A step is a control period of `alloc.simulation`, so plant, sensors, telegrams and rule are those of every other run. Needs
+the extra `gym`. Importing this module registers the environment as ``readhesion/train-v0``.
 """
 
 from collections.abc import Sequence
@@ -32,9 +32,10 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
     """One slip event per episode, truncated where it ends; then `simulation.recorded()` is the run.
 
     Action, (agent's units,): the share, 0 to 1, of its torque target that each unit commands. Observation, for each of them:
-    reference speed, slip of each axle [m/s] against it, `TORQUES` and the plan as coefficients, `OTHERS`. Reward of a period:
-    force along the demand at its end, within 0 and the true plan, over the plan's sum in the event, less `PRICE` times
-    friction work [kJ]. `info`: `time` [s], `event_seed`, and `others`, the shares that the controller `others` would command.
+    reference speed, slip of each axle [m/s] against it, `TORQUES` and the plan as coefficients, `OTHERS`. Reward of a
+    period: force along the demand at its start, within 0 and the true plan, over the plan's sum in the event, less `PRICE`
+    times friction work [kJ]. `info`: `time` [s], `event_seed`, and `others`, the shares that the controller `others` would
+    command.
 
     `reset(seed=)` draws the event's seed, `options={"event_seed": k}` states it; 0 is the event as in its file. A copy, or
     what comes out of a pickle, has played the episode again up to that instant.
@@ -85,7 +86,8 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         self._go_on(shares)
         work = 1e-3 * float(world.axles.friction_work.sum() - spent)
         run, asked = world.run[0], self._plan[len(self._played) - 1]
-        force = run.sign * float(world.axles.rail_force.sum())
+        recorded = self.simulation.record.axles.rail_force[self.simulation.tick - 1]
+        force = run.sign * float(recorded.sum())  # at the start of the period
         effort = min(max(force, 0.0), abs(asked)) / (np.abs(self._plan).sum() or 1.0)
         seen, info = self._seen()
         return seen, float(effort - PRICE * work), False, self._ended, info

@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from alloc.metrics import train_bounds
-from alloc.train_rows import structure_of
+from alloc.train_rows import rows_of
 from studies import events as e
 from studies.claims import CONTROLLERS, table_of
 from studies.core import Cell, Row, Study
@@ -82,13 +82,13 @@ def event(seed: int, k: int) -> Scenario:
     start = load(base).changed(**changes)
     asked = d["demand"] * start.command[0].acceleration_kmhs
     if start.load_t is None:
-        start = start.changed(load_t=e.loads(d, len(start.event().model.train.cars)))
-    made, fails = start.event(), d["source"] == "failed motors"
-    train, plan = made.model.train, made.equipment.planned_share * asked / 3.6
+        start = start.changed(load_t=e.loads(d, len(start.event().train.cars)))
+    train, fails = start.event().train, d["source"] == "failed motors"
+    rows = rows_of(train)
+    plan, unit = float(rows.plant["planned"]) * asked / 3.6, rows.axles.unit
     offered = plan * d["level_ratio"] * (1.0 + 1.3 * d["wanted"] if fails else 1.0)
     rail = e.offering(e.curve(d["curve"], d), offered, train)
-    unit = structure_of(train)[0].axle_unit
-    failed = int(d["failed_place"] * (int(unit.max()) + 1)) + 1
+    failed = int(d["failed_place"] * rows.units.size) + 1
     # ten points of growth make one of headroom; at 0.75 the first axle finds less than half of the plan
     growth = min(d["wanted"] / 0.1, 0.75) if d["source"] == "growth" else d["growth"]
     grown = np.log(np.arange(1.0, unit.size + 1.0)) / np.log(unit.size)

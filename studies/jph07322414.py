@@ -22,13 +22,16 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from alloc.driving import Controls, TrainSense, drive
+from alloc.driving import NO_COMMAND, TrainSense, drive
+from alloc.event import Event
 from alloc.laws import GRAVITY
 from alloc.metrics import jerk
+from alloc.onboard.settings import Onboard
 from alloc.rail import Line, Rail
 from alloc.sets import find_set
+from alloc.tables import Rows
 from alloc.train import EFFORT_SPEED_STEP, Train
-from alloc.train_rows import Structure, build, structure_of
+from alloc.train_rows import rows_of
 from studies.core import WIDE, Cell, Row, Study
 from studies.statistics import Claim, Interval, Statement, forest, judge, mean
 
@@ -77,11 +80,6 @@ class Route:
     duration: float
 
     @property
-    def length(self) -> float:
-        """Length of the train [m]."""
-        return sum(car.length for car in self.train.cars)
-
-    @property
     def changes(self) -> list[tuple[float, str]]:
         """Where running resistance changes [m], and what changes there, a key of `PLACES`."""
         mouths = [(x, "mouth") for tunnel in self.line.tunnels for x in tunnel]
@@ -122,9 +120,9 @@ class LineMemory:
     """Section memory 72 and gradient memory 75 of Fig. 2, read in the middle of the train, or `by_car` of every car."""
 
     def __init__(self, of: Route, by_car: bool = False) -> None:
-        self.line, self.changes, self.length = of.line, of.changes, of.length
+        self.line, self.changes, self.length = of.line, of.changes, of.train.length
         cars = [(car.length, car.mass) for car in of.train.cars]
-        lengths, masses = np.array(cars if by_car else [(of.length, of.train.mass)]).T
+        lengths, masses = np.array(cars if by_car else [(self.length, of.train.mass)]).T
         self.points = 0.5 * lengths - np.cumsum(lengths)
         # air resistance counts by length, gradients by mass
         self.air, self.mass = lengths / lengths.sum(), masses / masses.sum()
@@ -235,9 +233,10 @@ def least_squares(doubt: Floats) -> Learner:
 # The speed control.
 
 
-def rim_force(train: Structure) -> Floats:
-    """Force at the rims of each unit over the torque of its motors [N/(N m)], (units,); all wheels are alike."""
-    return train.unit_axles * train.unit_gear / train.radius[0]
+def rim_force(train: Train) -> Floats:
+    """Force at the rims of each unit over the torque of its motors [N/(N m)], (units,)."""
+    units = rows_of(train).units
+    return np.asarray(units.axles * units.gear / units.radius)
 
 
 USE, LEARN, WINDOW = 0.01, 0.05, 10.0
@@ -284,13 +283,12 @@ class SpeedControl:
         self.gain = (empty.mass + empty.rotating_mass) / TIME_CONSTANT
         self.integral_gain = self.gain / RESET_TIME if self.integral else 0.0
         self.integrator = 0.0
-        train = structure_of(of.train)[0]
-        self.limits = train.drive_table[0], train.brake_table[0]  # all motors are alike
-        self.rim = float(rim_force(train).sum())
+        self.limits = rows_of(of.train).effort[0], rows_of(of.train).retard[0]  # alike in all
+        self.rim = float(rim_force(of.train).sum())
         self.log: list[tuple[float, ...]] = []  # per period, as `LOGGED`
         self.before: tuple[float, float, float, float, bool] | None = None
 
-    def __call__(self, sense: TrainSense, controls: Controls) -> bool:
+    def __call__(self, sense: TrainSense, units: Rows, brakes: Rows) -> None:
         """Set the motors' torques for the coming period."""
         x, v = sense.position, sense.speed
         if self.noise is not None:
@@ -306,14 +304,13 @@ class SpeedControl:
             force = ahead
         limits = self.limits[force < 0.0]
         limit = float(np.interp(abs(v), EFFORT_SPEED_STEP * np.arange(limits.size), limits))
-        controls.torque[:] = torque = min(max(force / self.rim, -limit), limit)
+        units.applied = torque = min(max(force / self.rim, -limit), limit)
         given = self.rim * torque
         bounded = abs(force - given) > 1e-9 * max(abs(force), 1e3)
         if not bounded or (force - given) * (wanted - v) <= 0.0:  # anti-windup
             self.integrator += self.integral_gain * (wanted - v) * PERIOD
         self.log.append((wanted, rate, back, given, self.using))
         self.before = (x, v, given, back, bounded)
-        return True
 
     def learn(self, x: float, v: float) -> float | None:
         """Learn from the period that has passed; the error that the switch looks at [N]."""
@@ -383,8 +380,11 @@ def drive_case(of: Route, case: str, integral: bool, wrong: Floats, seed: int | 
 
 def _driven(of: Route, control: SpeedControl) -> xr.Dataset:
     """A run on a rail that no torque here overstrains."""
-    model = build(of.train, Rail(0.3), of.line, span=(0.0, 100.0 + of.duration * of.cruise))
-    run = drive(model, control, of.duration, initial_speed=of.first, period=PERIOD, step=PERIOD)
+    event = Event(
+        "route", of.train, Rail(0.3), NO_COMMAND, Onboard(period=PERIOD), of.line,
+        duration=of.duration + PERIOD, initial_speed=of.first, step=PERIOD,
+    )  # fmt: skip
+    run = drive(event, control)
     noted = zip(LOGGED, np.array(control.log).T, strict=True)
     log = xr.Dataset({name: ("time", values) for name, values in noted})
     return run.merge(log.assign(weights=("weight", control.weights)))
@@ -395,7 +395,7 @@ def learn_alone(of: Route, run: xr.Dataset, learner: Learner, weights: Floats, s
 
     Par. 0049 calls Fig. 7 claim 6, but it shows the error of claim 7, which is taken here.
     """
-    rim = rim_force(structure_of(of.train)[0])
+    rim = rim_force(of.train)
     force = run["motor_torque"].values[1:] @ rim  # what is asked of a period acts at its end
     x, v = run["position"].values, run["car_speed"].values[:, 0]
     v = v + NOISE * np.random.default_rng(seed).standard_normal(v.size)
@@ -455,7 +455,7 @@ def measured(of: Route, run: xr.Dataset) -> Row:
     pull = (run["acceleration"] - run["commanded_acceleration"]).values
     jolt, felt = jerk(run)[:, 0], []
     for at, place in of.changes:
-        begin, rear = np.searchsorted(x, [at, at + of.length])
+        begin, rear = np.searchsorted(x, [at, at + of.train.length])
         end = np.searchsorted(time, time[min(rear, time.size - 1)] + SETTLE)
         w = slice(begin, end)
         moved, shaken, jolted = (np.abs(one) for one in (speed[w] - speed[begin], pull[w], jolt[w]))

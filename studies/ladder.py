@@ -23,7 +23,7 @@ from studies.statistics import Claim, Numbers, Statement, forest, judge, mean, m
 LADDER = ("none", "table", "cut-and-ramp", "pi-creep", "perturb-observe", "steepest-gradient", "mpc")  # fmt: skip
 """This project's, from the simplest on."""
 PUBLISHED = ("fuzzy-creep", "fuzzy-tracking", "swarm-tracking", "swarm-slip", "cubature-seeking")
-"""Built after abstracts; each file in `alloc/old/onboard/controllers` says what had to be assumed."""
+"""Built after abstracts; `alloc/onboard/searches.py` and `swarms.py` say what had to be assumed."""
 ARMS = (*LADDER, *PUBLISHED)
 RULE = "alone"
 """Units exchange nothing, so a run depends on its readhesion controller alone."""
@@ -90,7 +90,7 @@ def event(seed: int, k: int) -> Scenario:
 def train_of(name: str) -> Train:
     """The train called `name` in `TRAINS`."""
     base, changes = TRAINS[name]
-    return load(base).changed(**changes).event().model.train
+    return load(base).changed(**changes).event().train
 
 
 def cells(events: int, seed: int) -> list[Cell]:

@@ -3,7 +3,7 @@
 In embodiment 2 every unit tells the leader the coefficient at its slips; less the leader's own one it is a datum of the
 unit's increment. Increments change "after several stations", so between runs: what the leader was told stands in the record
 of a run, and learning needs no code on board. Here trains begin with increments of zero or twice the true ones, on an even
-and on a scattered rail. Rules are called as printed, at slips alone, because there (5) decides every cap.
+and on a scattered rail. The rule is asked at slips alone, as printed, because there (5) decides every cap.
 """
 
 from collections.abc import Iterable
@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from alloc.event import Event
-from alloc.laws import hyperbolic_speed_law
+from alloc.laws import speed_law
 from alloc.metrics import METRICS
-from alloc.onboard.increment_learning import IncrementLearning
 from alloc.rail import GROWTH_SLOPE, SPEED_LAWS, logarithmic_increments
+from alloc.rules import RULES
 from alloc.simulation import simulate
+from alloc.train_rows import rows_of
 from studies.core import Cell, Row, Study, StudyError
 from studies.scenario import Scenario, load
 from studies.statistics import Claim, Numbers, Statement, judge, means
@@ -39,7 +40,7 @@ SIGMA, LEAD = 0.012, 4
 
 def planned(speed: Floats) -> Floats:
     """Coefficient that an automatic brake asks for at `speed` [m/s], (12)."""
-    return np.asarray(hyperbolic_speed_law(speed, *SPEED_LAWS["shinkansen"]))
+    return np.asarray(speed_law(speed, *SPEED_LAWS["shinkansen"]))
 
 
 def drawn_counts(axles: int, brakings: int, seed: int = 0) -> Counts:
@@ -183,9 +184,7 @@ TOLERANCE, LITTLE = 0.002, 0.01
 is little."""
 METRIC_NAMES = ("effort_ratio", "slip_time", "damage")
 
-# Until the rules' trigger can be "any unit's slip", the leader calls the rule at slips of other units only while it collects
-# data on board. It changes no increment with this setting.
-CALLED_AT_ALL_SLIPS = IncrementLearning("running-mean", first=10**9)
+RULE, CONTROLLER = RULES["exact"].with_belief("any detected"), "cut-and-ramp"
 
 
 def start(base: Scenario, kind: Kind, event: int, station: int, seed: int) -> Event:
@@ -196,7 +195,7 @@ def start(base: Scenario, kind: Kind, event: int, station: int, seed: int) -> Ev
     level = LEVEL + HALF_WIDTH * float(np.random.default_rng(level_seed).uniform(-1.0, 1.0))
     rail = base.rail.model_dump() | {"level": level, "scatter": RAILS[kind[0]]}
     how = {"variation": None, "duration_s": DURATION, "reversed": backward == 1}
-    return base.changed(rail=rail, onboard={"trigger": "slip"}, **how).event(event_seed)
+    return base.changed(rail=rail, **how).event(event_seed)
 
 
 def run(base: Scenario, kind: Kind, arm: str, event: int, seed: int, stations: int) -> list[Row]:
@@ -204,13 +203,13 @@ def run(base: Scenario, kind: Kind, arm: str, event: int, seed: int, stations: i
     how, rows, stored = ARMS[arm], list[Row](), None
     for station in range(1, stations + 1):
         own = start(base, kind, event, station, seed)
-        per_axle = np.asarray(own.model.rail.increments, dtype=float)
-        truth = unit_increments(per_axle, own.model.structure.axle_unit)
+        truth = unit_increments(np.array(own.rail.increments), rows_of(own.train).axles.unit)
         if stored is None:
             stored = Stored((1.0 if how.learner == "truth" else AT_FIRST[kind[1]]) * truth)
         belief = replace(own.onboard.belief, unit_increments=tuple(stored.increment.tolist()))
-        onboard = replace(own.onboard, belief=belief, learning=CALLED_AT_ALL_SLIPS)
-        found = simulate(replace(own, onboard=onboard), "exact")
+        found = simulate(
+            replace(own, onboard=replace(own.onboard, belief=belief)), RULE, CONTROLLER
+        )
         heard = {name: data(found, own, name == "held") for name in ("received", "held")}
         stored.learn(how, heard["held" if how.held else "received"])
         row: Row = {"station": station, "error": float(np.abs(stored.increment - truth)[1:].max())}
@@ -316,7 +315,8 @@ def figure(rows: pd.DataFrame) -> Figure:
     twelve.plot(j, fitted, label=f"{slope:.4f} ± {error:.4f} per ln j")
     twelve.plot(j, logarithmic_increments(64), "k--", label=f"(15), {GROWTH_SLOPE}")
     for group, marker in (("1C4M", "s"), ("1C2M", "^"), ("1C1M", ".")):
-        of_axle = load("wet-start").changed(inverter_group=group).event().model.structure.axle_unit
+        train = load("wet-start").changed(inverter_group=group).event().train
+        of_axle = rows_of(train).axles.unit
         found = unit_increments(logarithmic_increments(of_axle.size), of_axle)
         middle = [np.flatnonzero(of_axle == unit).mean() + 1.0 for unit in range(found.size)]
         thirteen.plot(middle, found, marker, label=group)

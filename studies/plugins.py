@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from alloc.errors import InputError
-from alloc.metrics import METRICS
-from alloc.onboard.controllers import CONTROLLERS, HostedController
+from alloc.metrics import METRICS, Metric
+from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.registry import Registry
 from alloc.rules import RULES, AllocationProblem, Rule
 from alloc.sets import SETS
@@ -94,44 +94,45 @@ def try_own_parts(rules: Iterable[str], controllers: Iterable[str]) -> None:
 
     Raises `InputError` of one line for a part that is none, raises an error, or answers with what is no answer.
     """
-    from alloc.rules.testing import usable
     from alloc.simulation import simulate
-    from alloc.testing import tried
     from studies.scenario import load
 
-    def event() -> Any:
-        return load(TRIAL[0]).changed(duration_s=TRIAL[1]).event()
+    def run(controller: str) -> Any:
+        event = load(TRIAL[0]).changed(duration_s=TRIAL[1]).event()
+        return simulate(event, "alone", CONTROLLERS[controller])
 
-    problem = AllocationProblem(cap=np.linspace(0.1, 0.2, UNITS), expected=0.16)
+    def torques(controller: str) -> None:
+        if not np.isfinite(run(controller)["torque_command"]).all():
+            raise AssertionError("commands a torque that is no finite number")
+
+    def limits(rule: str) -> None:
+        problem = AllocationProblem(cap=np.linspace(0.1, 0.2, UNITS), expected=0.16)
+        found = np.asarray(RULES[rule](problem).limit)
+        if found.shape != (UNITS,) or not (found >= 0.0).all():
+            raise AssertionError(f"answers {found}; give one limit of 0 or more per unit")
+
     for name in _own(RULES, rules):
-        _try(RULES, name, Rule, lambda rule: usable(rule, problem))
+        _try(RULES, name, Rule, limits)
     for name in _own(CONTROLLERS, controllers):
-        _try(CONTROLLERS, name, HostedController, lambda one: tried(one, event()))
+        _try(CONTROLLERS, name, Controller, torques)
     for name in _own(METRICS, METRICS):
-        _try(
-            METRICS,
-            name,
-            object,
-            lambda one: float(one.function(simulate(event(), "alone", "none"))),
-        )
+        _try(METRICS, name, Metric, lambda one: float(METRICS[one].function(run("none"))))
 
 
 def _own(registry: Registry[Any], names: Iterable[str]) -> list[str]:
     """Those that do not come with the project."""
-    return [one for one in names if registry.origin(one).partition(".")[0] not in PACKAGES]
+    return [one for one in names if one not in registry.shipped()]
 
 
-def _try(registry: Registry[Any], name: str, kind: type, trial: Callable[[Any], object]) -> None:
-    part, path = (
-        registry[name],
-        str(getattr(sys.modules.get(registry.origin(name)), "__file__", "")),
-    )
+def _try(registry: Registry[Any], name: str, kind: type, trial: Callable[[str], object]) -> None:
+    path = str(getattr(sys.modules.get(registry.origin(name)), "__file__", ""))
     said = f"{registry.kind} {name!r} of {path or 'this session'}"
-    if not isinstance(part, kind):
-        raise InputError(f"{said} is a {type(part).__name__}; register a {kind.__name__}")
+    if not isinstance(registry[name], kind):
+        told = f"is a {type(registry[name]).__name__}; register a {kind.__name__}"
+        raise InputError(f"{said} {told}")
     try:
         with redirect_stdout(sys.stderr):
-            trial(part)
+            trial(name)
     except AssertionError as error:  # what it answers is of no use
         raise InputError(f"{said} {error}") from None
     except Exception as error:

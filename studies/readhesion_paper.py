@@ -20,13 +20,12 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
-from alloc.compilation import inlined_jit, jit
+from alloc.backends import compiled as law
+from alloc.compilation import jit
 from alloc.curves import PiecewiseCurve
 from alloc.estimation.series import spans
-from alloc.laws import GRAVITY, gradient_force, piecewise_coefficient
-from alloc.onboard.controllers.simple import asymmetric_lag, torque_factor
-from alloc.onboard.laws import differentiate
-from alloc.rail import patch_factor, window
+from alloc.laws import GRAVITY, gradient_force
+from alloc.onboard.controllers import asymmetric_lag, torque_factor
 from studies.core import Cell, Row, Study
 
 Floats = NDArray[np.float64]
@@ -61,7 +60,7 @@ MARGINS = tuple(round(0.1 * k, 1) for k in range(10))
 WIDTHS = tuple(round(0.1 * k, 1) for k in range(1, 11))
 VERY_SLIPPERY = 5.0**2 / (4.0 * 40.0)
 """mu_max below which (1) with the printed g1 = 5 and C = 40 is no curve, 0.156; (2) lacks the mu_max. The parabola
-is narrowed there (`alloc.laws.parabola_curvature`), so in nearly all runs. If it were so narrow at every mu_max,
+is narrowed there (`alloc.laws.narrowest_parabola`), so in nearly all runs. If it were so narrow at every mu_max,
 limits would move by 0.004 at most, and no finding would change."""
 DRY, HILL_END, SETTLED = 0.35, 20.0, 12.0
 """Downhill (section 4): adhesion coefficient of the rail, assumed; end [s], and when the torque has settled [s]."""
@@ -127,17 +126,17 @@ CASE_A, CASE_B = Case(), Case(width=0.8)
 # one run
 
 
-@inlined_jit
+@jit
 def _peak(time, high, low, recovery):
     """Adhesion coefficient mu_max."""
-    return high * patch_factor(1.0, window(time, DROP, recovery, FADE), low / high)
+    return high + (low - high) * law.window(time, DROP, recovery, FADE)
 
 
-@inlined_jit
+@jit
 def _rates(time, v, omega, torque, command, rail, curve, downhill):
     """Accelerations of train and wheelset, (8) and (7), and the rate of the motor torque."""
     slip = RADIUS * omega - v  # (9)
-    force = LOAD * GRAVITY * piecewise_coefficient(slip, _peak(time, *rail), *curve)
+    force = LOAD * GRAVITY * law.piecewise_coefficient(slip, _peak(time, *rail), *curve)
     turning = (GEAR * torque - RADIUS * force) * (1.0 / INERTIA)
     return (force - downhill) / MASS, turning, (command - torque) * (1.0 / LAG)
 
@@ -150,13 +149,14 @@ def _drive(table, rail, curve, downhill, h, every, record):
     half, sixth = 0.5 * h, h / 6.0
     for k in range(every * len(record)):
         time = k * h
-        filtered, acceleration = differentiate(filtered, RADIUS * omega, pole, gain)
-        factor = torque_factor(acceleration - ACCELERATION, margin, width)  # Fig. 5
+        ahead = RADIUS * omega - filtered  # of the pseudo-differentiator
+        filtered += gain * ahead
+        factor = torque_factor(pole * ahead - ACCELERATION, margin, width)  # Fig. 5
         command = asymmetric_lag(command, factor * PLAN, rise, fall)
         if k % every == 0:
             n, slip, peak = k // every, RADIUS * omega - v, _peak(time, *rail)
             record[n, 0], record[n, 1] = slip, peak
-            record[n, 2] = piecewise_coefficient(slip, peak, *curve)
+            record[n, 2] = law.piecewise_coefficient(slip, peak, *curve)
             record[n, 3], record[n, 4], record[n, 5] = torque, command, factor
         a1, b1, c1 = _rates(time, v, omega, torque, command, rail, curve, downhill)
         middle = time + half
@@ -202,10 +202,10 @@ def drive(given: Unprinted, case: Case, recovers: bool = False, step: float = ST
     downhill = float(gradient_force(MASS, 1e-3 * (case.gradient or 0.0)))
     record = np.zeros((round(end / RECORD), 6))
     curve = given.curve
-    _drive(table, rail, tuple(curve.q[:5]), downhill, step, round(RECORD / step), record)
+    _drive(table, rail, tuple(curve.values[:5]), downhill, step, round(RECORD / step), record)
     slip, peak, *others = record.T
     time = RECORD * np.arange(len(record), dtype=np.float64)
-    return Run(time, slip, curve.limit(peak)[1], *others)
+    return Run(time, slip, curve.top(0.0, peak)[1], *others)
 
 
 # indices of section 3.2

@@ -6,6 +6,7 @@ Python gives tables and data to the template `report.html`. Plotly's JavaScript 
 from collections.abc import Sequence
 from functools import partial
 from html import escape
+from inspect import getsource
 from pathlib import Path
 from typing import Any
 
@@ -13,25 +14,24 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from alloc import curves, metrics
 from alloc.citations import uses
-from alloc.metrics import METRICS, evaluate
+from alloc.metrics import METRICS
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.record import provenance
 from alloc.rules import RULES
-from alloc.sources import path_of, write_whole
+from alloc.sources import write_whole
 from studies.compare import EFFORT, REFERENCE, Standing, answer, informed, standings
 from studies.core import StudyError
-from studies.runs import is_slow, recorded
+from studies.runs import recorded
 from studies.scenario import Scenario, load, near, shipped
 
 SHOWN_EVENTS = 3
 """Events that are replayed where nobody names them."""
-FRAMES = 150
+FRAMES = 100
 """Instants of a replay, at most."""
-MOST_NUMBERS = 1_200_000
+MOST_NUMBERS = 1_300_000
 """In all replays together, about 5 bytes each: with plotly's 4.8 MB the page stays below 12 MB."""
-SLOW_RULES = 2
-"""Rules that are replayed where only slow controllers were compared; a run takes seconds."""
 
 
 def write(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
@@ -41,7 +41,7 @@ def write(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
     not registered, or where jinja2 or plotly is missing.
     """
     try:
-        from jinja2 import Environment
+        from jinja2 import Environment, StrictUndefined
         from markupsafe import Markup
         from plotly.offline import get_plotlyjs
     except ImportError:
@@ -51,7 +51,7 @@ def write(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
     found = standings(rows)
     laws = list(dict.fromkeys(one.controller for one in found))
     replays, left_out = _replays(rows, found, laws, _replayed(rows, events))
-    environment = Environment(autoescape=True)
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # names in our order
     text = environment.from_string(Path(__file__).with_suffix(".html").read_text("utf-8")).render(
         plotly=Markup(get_plotlyjs()),
@@ -187,16 +187,15 @@ def _replays(
 
     First the reference, then what cannot be told from the best, then the other rules.
     """
-    fast = [law for law in laws if not is_slow(law)]
     tied, others = ([one.rule for one in found if one.tied == side] for side in (True, False))
     rules = list(dict.fromkeys([REFERENCE, *tied, *others]))
     good = rows[(rows["status"] == "ok") & (rows["seed"] == 0)]
     there = set(good[["scenario", "controller", "rule"]].itertuples(index=False, name=None))
     made: dict[str, Any] = {one.name: {"title": one.title, "runs": {}} for one in events}
     size, left_out = 0, 0
-    for rule in rules if fast else rules[:SLOW_RULES]:
+    for rule in rules:
         for event in events:
-            for law in fast or laws[:1]:
+            for law in laws:
                 if (event.name, law, rule) not in there:
                     continue
                 if size > MOST_NUMBERS:
@@ -224,7 +223,7 @@ def _seen(run: xr.Dataset) -> dict[str, np.ndarray]:
     slip = np.maximum.reduceat(3.6 * np.abs(run["slip_velocity"].values), starts)
     offered = (at["adhesion_limit"].values * at["axle_load"].values) @ member / load
     return {
-        "used": np.round(100.0 * evaluate(run)[EFFORT], 1),
+        "used": np.round(100.0 * METRICS[EFFORT].function(run), 1),
         "time": at["time"].values.round(2),
         "speed": (3.6 * at["speed"].values).round(1),
         "offered": offered.round(3),
@@ -235,12 +234,13 @@ def _seen(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def _sources(found: Sequence[Standing]) -> list[dict[str, str]]:
-    """Publications that the files of rules, controllers, metrics and curves name, and which of them do."""
-    modules = {one.rule: RULES.origin(one.rule) for one in found}
-    modules |= {one.controller: CONTROLLERS.origin(one.controller) for one in found}
-    modules |= {"metrics": "alloc.metrics", "adhesion curves": "alloc.curves"}
-    files = {part: path_of(module) for part, module in modules.items()}
-    texts = {part: path.read_text("utf-8") for part, path in files.items() if path}
+    """Publications that rules, controllers, metrics and curves name, and which of them do."""
+    texts = {"metrics": getsource(metrics), "adhesion curves": getsource(curves)}
+    for one in found:
+        rule, controller = RULES[one.rule], CONTROLLERS[one.controller]
+        sources = [column.source for column in controller.memory.columns.values()]
+        texts[one.rule] = f"{rule.description} {rule.law.__doc__}"
+        texts[one.controller] = f"{controller.meaning} {controller.control.__doc__} {sources}"
     return [
         {"words": one.words, "address": one.address, "bibtex": one.bibtex, "by": ", ".join(named)}
         for one, named in uses(texts).items()

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from alloc.driving import Controls, TrainSense, drive
+from alloc.driving import NO_COMMAND, TrainSense, drive
 from alloc.estimation.brake_force import (
     BrakeRigging,
     CalibrationErrors,
@@ -29,11 +29,13 @@ from alloc.estimation.brake_force import (
     smooth_brake_forces,
 )
 from alloc.estimation.series import spans
-from alloc.laws import hyperbolic_speed_law, running_resistance
-from alloc.rail import Line, Rail
+from alloc.event import Event
+from alloc.laws import resistance, speed_law
+from alloc.rail import Rail
 from alloc.sets import find_set
+from alloc.tables import Rows
 from alloc.train import Train
-from alloc.train_rows import build, structure_of
+from alloc.train_rows import rows_of
 from studies.core import BOOKKEEPING, Cell, Row, Study
 from studies.statistics import Claim, Statement, judge
 
@@ -93,8 +95,7 @@ def train_of(test: RunningTest, day: int) -> Train:
     for k, (car, factor) in enumerate(zip(train.cars, factors, strict=True)):
         assert car.air_brake is not None
         cut = (0,) if halves and k > 0 else (0, 1) if k in out else ()
-        force = car.air_brake.force_per_pascal * factor
-        brake = replace(car.air_brake, force_per_pascal=force, cut_out=cut)
+        brake = replace(car.air_brake, friction_factor=factor, cut_out=cut)
         cars.append(replace(car, air_brake=brake))
     return replace(train, cars=tuple(cars))
 
@@ -103,14 +104,15 @@ def drive_test(test: RunningTest, train: Train) -> xr.Dataset:
     """The recorded run of a test on level, dry track."""
     braked = train.cars[0].brake_groups if test.locomotive_only else None
 
-    def driver(sense: TrainSense, controls: Controls) -> bool:
-        controls.pressure[:braked] = test.pressure if sense.time >= BRAKED_AT - 1e-9 else 0.0
+    def driver(sense: TrainSense, units: Rows, brakes: Rows) -> bool:
+        brakes.pressure_target[:braked] = test.pressure * (sense.time >= BRAKED_AT - 1e-9)
         return sense.speed > STOP_SPEED
 
-    length = sum(car.length for car in train.cars)
-    span = (0.0, length + LONGEST * test.speed / 3.6)
-    model = build(train, Rail(DRY), Line(grades=(0.0,)), span=span)
-    return drive(model, driver, LONGEST, "test", test.speed / 3.6, length, RECORD)
+    event = Event(
+        "test", train, Rail(DRY), NO_COMMAND,
+        duration=LONGEST, initial_speed=test.speed / 3.6, record_period=RECORD,
+    )  # fmt: skip
+    return drive(event, driver)
 
 
 # what is measured
@@ -157,10 +159,9 @@ def record(test: RunningTest, train: Train, day: int | None) -> Measured:
 
     foremost = np.cumsum([0, *(car.brake_groups for car in train.cars[:-1])])
     inertia, radius = np.array([[sum(car.wheel_inertia), car.wheel_radius] for car in train.cars]).T
-    of_car = run["axle_car"].values[None, :] == np.arange(run.sizes["car"])[:, None]
-    at_rail = -run["rail_force"].values @ of_car.T
-    truth = at_rail - inertia / radius**2 * run["car_acceleration"].values
-    bare = np.array([car.mass for car in train.cars])
+    of_car = run["axle_car"].values[:, None] == np.arange(run.sizes["car"])
+    turning = inertia / radius**2 * run["car_acceleration"].values
+    truth, bare = -run["rail_force"].values @ of_car - turning, run["car_mass"].values
     speed = sampled(run["car_speed"].values[:, 0])
     acceleration = sampled(run["car_acceleration"].values)
     coupler = sampled(run["coupler_force"].values)
@@ -177,10 +178,10 @@ def record(test: RunningTest, train: Train, day: int | None) -> Measured:
         coupler = gains * coupler + zeros + COUPLER_NOISE * draw(coupler.shape)
         pressure = pressure + PRESSURE_NOISE * draw(pressure.shape)
     mass = rolling_mass(bare, inertia, radius)
-    formulas = structure_of(train)[0].car_resistance
-    resistance = np.stack([running_resistance(speed, a, b, c, 1.0) for a, b, c in formulas], axis=1)
+    c = rows_of(train).cars
+    drag = resistance(speed[:, None], c.resistance, c.resistance_linear, c.resistance_quadratic)
     time, true = run["time"].values[::every], sampled(truth)
-    return Measured(time, speed, acceleration, coupler, pressure, mass, resistance, true)
+    return Measured(time, speed, acceleration, coupler, pressure, mass, drag, true)
 
 
 # what the report makes of it
@@ -213,7 +214,7 @@ def estimate(test: RunningTest, m: Measured) -> Estimated:
     """What the report computes; forces are those at the brakes, the running resistance is subtracted (section 2)."""
     a, drag = m.acceleration, m.resistance
     first, second = m.coupler[:, 0], m.coupler[:, 1]
-    fall = 1.0 - hyperbolic_speed_law(m.speed, *FRICTION)
+    fall = 1.0 - speed_law(m.speed, *FRICTION)
     return Estimated(
         group_brake_force(a[:, 0], m.mass[0], None, first, drag[:, 0]),
         group_brake_force(a[:, 1], m.mass[1:].sum(), first, None, drag[:, 1:].sum(axis=1)),

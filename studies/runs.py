@@ -1,24 +1,23 @@
 """A slip event under a rule and a readhesion controller as a cell of a study, and rows paired by event."""
 
-import json
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 
 import pandas as pd
 import xarray as xr
 
+import mpc.unit  # noqa: F401 (registers the MPC among the controllers)
 from alloc.event import Event
 from alloc.metrics import METRICS, evaluate
-from alloc.onboard.controllers import CONTROLLERS, HostedController
-from alloc.record import attributes_of
+from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.simulation import simulate
 from studies.core import BOOKKEEPING, Cell, Row
 from studies.scenario import Scenario
 
 MOST_FAILURES = 0.05
-"""Share of its calls in which a rule or a controller may fail in a run that counts. Beyond, the run is also that of the
-exact level or of cut-and-ramp, which answer in its place: its row is degraded, and enters no mean."""
+"""Share of its calls in which the solver of a rule or a controller may fail in a run that counts. Beyond, the run is also
+that of what answers in its place: its row is degraded, and enters no mean."""
 
 Measure = Callable[[xr.Dataset], Row]
 """A function of a module that adds columns from a recorded run."""
@@ -62,23 +61,12 @@ def _event(scenario: Scenario, seed: int) -> Event:
 
 
 def _status(found: xr.Dataset) -> Row:
-    told = attributes_of(found)
-    for part, calls, failures in (
-        ("rule", told["rule_calls"], told["rule_failures"]),
-        ("controller", told["controller_calls"], told["controller_failures"]),
-    ):
+    for part in ("rule", "controller"):
+        calls, failures = found.attrs[f"{part}_calls"], found.attrs[f"{part}_failures"]
         if failures > MOST_FAILURES * calls:
-            messages = json.loads(told["messages"])
-            own = [text for text in messages if text.startswith(part)]
-            most = max(own, key=messages.__getitem__)
-            reason = f"{failures / calls:.1%} of {calls} calls failed, most often: {most}"
+            reason = f"the solver of the {part} failed in {failures / calls:.1%} of {calls} calls"
             return {"status": "degraded", "reason": reason}
     return {}
-
-
-def is_slow(controller: str) -> bool:
-    """Whether a controller runs in Python, outside of the compiled loop."""
-    return isinstance(CONTROLLERS.get(controller), HostedController)
 
 
 # rows paired by event

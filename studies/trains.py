@@ -42,8 +42,8 @@ class MotorChange(Keys):
     """What all motors of a train have in place of their own."""
 
     kind: MotorKind | None = None
-    """How the motors of an inverter divide its torque: torque, equally; induction, by Kloss's equation at one frequency;
-    series, direct-current motors on one voltage. A single motor has all of it. Left out: the train's own, or torque."""
+    """How the motors of an inverter divide its torque: torque, equally; induction, at one frequency, by their speeds. A
+    single motor has all of it. Left out: the train's own, or torque."""
     torque_lag_s: float | None = Field(default=None, gt=0.0)
     """Time constant of the torque behind its command. Left out: the train's own, or 0.005 s, as of the readhesion paper."""
 

@@ -11,8 +11,6 @@ LAYERS = ("alloc", "mpc", "studies", "paper_figs")
 """A layer imports itself and those before it."""
 ABOVE_ALL = {"studies.cli", "readhesion"}
 """They import all, and nobody imports them."""
-KNOWN_ON_BOARD = {f"alloc.old.plant.{one}" for one in ("adhesion", "laws", "model", "operations", "train")}  # fmt: skip
-"""Modules of the plant that say what a train and a curve are; the others are what happens to it."""
 BROUGHT_ALONG = {"llvmlite": "numba", "markupsafe": "jinja2"}
 """What another distribution brings with it, in the one version that fits."""
 
@@ -49,9 +47,14 @@ def test_layers_import_one_way():
 
 def test_nothing_on_board_reaches_the_plants_truth():
     for name, tree in TREES.items():
-        if name.startswith("alloc.old.onboard."):
-            plant = {one for one in imported(tree, own=True) if one.startswith("alloc.old.plant")}
-            assert plant <= KNOWN_ON_BOARD, name
+        if name.startswith("alloc.onboard."):
+            truth = imported(tree, own=True) & {
+                "alloc.event",
+                "alloc.rail",
+                "alloc.simulation",
+                "alloc.world",
+            }
+            assert not truth, name
 
 
 def test_no_private_name_is_imported():

@@ -173,7 +173,7 @@ def test_a_failure_is_known_a_tenth_of_a_second_later():
 def test_the_filter_finds_speed_and_the_force_that_nothing_explains(sign):
     run = RUN.rows(1, reference_speed=19.8, sign=sign)[0]
     onboard = ONBOARD.rows(1, train_mass=1e5, resistance=1000.0, resistance_quadratic=2.0)[0]
-    for k in range(3000):
+    for k in range(6000):
         true, before = 20.0 + sign * 0.3 * (k + 1) * H, run.reference_speed
         force = sign * 0.3e5 + 1000.0 + 2.0 * true**2 - 0.04e5  # 0.04 m/s2 more than is known of
         speed.estimate_speed(run, onboard, force, sign * (true - before))
@@ -182,7 +182,7 @@ def test_the_filter_finds_speed_and_the_force_that_nothing_explains(sign):
     for _ in range(300):  # all slip: the balance carries the speed on, and it is known ever less
         speed.estimate_speed(run, onboard, force, 5.0)
     assert run.reference_speed == pytest.approx(true + sign * 0.9, abs=0.02)
-    assert run.reference_deviation == math.sqrt(run.p_vv) > 2.0 * known
+    assert run.reference_deviation == math.sqrt(run.p_vv) > 1.2 * known
 
 
 @pytest.mark.parametrize("reached", [0.0, 0.4, 1.0])
@@ -366,5 +366,6 @@ def test_an_unseen_axle_cannot_run_away(watched, seen, peak):
             rail = peaks * 1e5 * np.clip(slip / 0.1, -1.0, 1.0) * np.where(slip > 0.1, 0.6, 1.0)
             y[2:6] += 1e-3 * (7.0 * y[6] - 0.43 * rail) / 100.0
         worst = max(worst, slip.max())
-        assert y[6] <= (0.5 + 0.125 * sum(seen)) * 0.1 * 1e5 * 0.43 / 7.0 + 1e-9
+        share = 1.0 if any(seen) else 0.5  # a blind unit is asked for half
+        assert y[6] <= share * 0.1 * 1e5 * 0.43 / 7.0 + 1e-9
     assert worst < 3.0 if watched else worst > 20.0

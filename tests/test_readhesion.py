@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 import readhesion as r
-from alloc.old.metrics import METRICS
-from alloc.old.plant.rail import Rail
-from alloc.old.simulation import simulate as simulate_event
+from alloc.metrics import METRICS
+from alloc.rail import Rail
+from alloc.simulation import simulate as simulate_event
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ MISTAKES = [
     (lambda e, run: r.simulate(e, "exakt"), "did you mean 'exact'"),
     (lambda e, run: r.simulate(e, ["alone", "exact"]), "a run has one; `readhesion.compare`"),
     (lambda e, run: r.simulate(e, lambda problem: problem.cap), r"give its name, or Rule\("),
-    (lambda e, run: r.simulate(e, controller=Rail), r"or HostedController\("),
+    (lambda e, run: r.simulate(e, controller=Rail), r"or Controller\("),
     (lambda e, run: r.simulate(e.event(), seed=1), "seed = 1: an event has its draws"),
     (lambda e, run: simulate_event(e), r"is no Event: its method event\(seed\) gives one"),
     (lambda e, run: simulate_event("wet-start"), "takes names too"),
@@ -102,7 +102,6 @@ MISTAKES = [
     (lambda e, run: r.compare(e, jobs=0), "jobs = 0: give a whole number from 1"),
     (lambda e, run: r.sweep("claim"), "unknown study 'claim'; did you mean 'claims'"),
     (lambda e, run: r.evaluate("run.nc"), "not 'run.nc'; readhesion.load reads one"),
-    (lambda e, run: r.evaluate(run.transpose()), r"has dimensions \('car', 'time'\), not"),
     (lambda e, run: r.evaluate(run.drop_vars("speed")), "'speed' is missing"),
 ]  # fmt: skip
 

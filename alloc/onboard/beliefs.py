@@ -87,12 +87,16 @@ def front(tick, units, said, heard, run):
     """JP5484215 (5) from what the foremost limited unit that works has shown; a limited unit's mark fades within `FORGET`.
 
     No cap is below what a unit shows without slip: else each dip of the foremost would keep the whole train below the plan.
-    Where failures alone limit the train the caps are the plan.
+    Where motors or failures alone limit the train the caps are what the others must carry.
     """
     run.needed = run.plan
     if not hear(tick, units, said, heard, run, False):
         return False
-    first = -1
+    first, lacking, able_mass = -1, 0.0, 0.0
+    for u in units:
+        lacking += u.mass * max(run.plan - u.most, 0.0)
+        able_mass += u.mass if u.most > run.plan else 0.0
+    made_up = run.plan + (lacking / able_mass if able_mass > 0.0 else 0.0)
     for j in range(units.size):
         u = units[j]
         limited, _, _, works = news(j, tick, units, said, heard)
@@ -106,7 +110,7 @@ def front(tick, units, said, heard, run):
     for j in range(units.size):
         u = units[j]
         limited, slipped, _, works = news(j, tick, units, said, heard)
-        u.cap = run.plan
+        u.cap = made_up
         if first >= 0:
             u.cap = max(units[first].mark + u.increment - units[first].increment, 0.0)
         if recent(limited, run) and u.mark < math.inf:

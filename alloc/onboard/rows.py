@@ -15,6 +15,9 @@ from alloc.train_rows import TrainRows, train_rows
 
 COMPARED = 1e-4
 """Relative deviation of radii that were compared: 3 s at 10 m/s and with 10 mm/s of noise in a reading leave as much."""
+FASTEST, QUIET = 40.0, 0.2
+"""Pole of the detector's differentiator with quiet sensors [1/s]. Where they are noisy, share of the threshold that the
+deviation of computed accelerations is held to [1]: at pole 40 noise of 0.1 km/h is taken for slip, and cut-and-ramp cuts."""
 
 
 def believed_rows(onboard: Onboard, train: Train) -> TrainRows:
@@ -66,6 +69,20 @@ def _radius_errors(onboard: Onboard, axles: int) -> NDArray[np.float64]:
     return np.asarray(errors.mean() + COMPARED * generator.standard_normal(axles))
 
 
+def detector_pole(onboard: Onboard, noise: float, axles: int) -> float:
+    """Pole [1/s] of the detector of a unit of so many axles, each read with this `noise` [m/s].
+
+    Left open, it is `FASTEST`, or so much slower that noise computes accelerations of a deviation of `QUIET` times the
+    threshold. With a = exp(-pole h), noise s of the mean speed makes it s / h (1 - a) sqrt(2 / (1 + a)).
+    """
+    if onboard.detector.pole is not None:
+        return onboard.detector.pole
+    h, mean_noise = onboard.period, max(noise, 1e-9) / math.sqrt(axles)
+    ratio = (QUIET * onboard.detector.on * h / mean_noise) ** 2
+    keep = 0.25 * (4.0 + ratio - math.sqrt(ratio * (ratio + 16.0)))
+    return FASTEST if keep <= 0.0 else min(FASTEST, -math.log(keep) / h)
+
+
 def onboard_rows(onboard: Onboard, rows: TrainRows, speed: float) -> tuple[Rows, Rows, Rows]:
     """The rows of `ONBOARD`, `SLIDE` and `RUN` of a train that begins at `speed` [m/s]."""
     detector, sensors, braking = onboard.detector, onboard.sensors, onboard.braking
@@ -78,14 +95,15 @@ def onboard_rows(onboard: Onboard, rows: TrainRows, speed: float) -> tuple[Rows,
     known = (
         rows.onboard | resistance | {"train_mass": belief.mass_factor * rows.onboard["train_mass"]}
     )
+    # rounding is as uncertain as its quantum makes it
+    noise = math.hypot(sensors.speed_noise, sensors.speed_quantum / math.sqrt(12.0))
     board = ONBOARD.rows(
         1, **known, blend_time=braking.blend_time, release_speed=braking.release_speed,
         inertia_in_limit=int(onboard.inertia_in_limit), inertia_in_estimate=int(braking.inertia_in_estimate),
-        air_commanded=int(braking.air_force == "command"), quantum=sensors.speed_quantum, pole=detector.pole,
+        air_commanded=int(braking.air_force == "command"), quantum=sensors.speed_quantum,
         slip_on=detector.on, slip_off=detector.off, speed_on=detector.speed_on, observer_pole=onboard.observer.pole,
         silence=telegrams.silence, true_speed=int(onboard.reference.source == "truth"),
-        # rounding is as uncertain as its quantum makes it
-        noise=math.hypot(sensors.speed_noise, sensors.speed_quantum / math.sqrt(12.0)),
+        noise=noise, pole=detector_pole(onboard, noise, int(rows.units.axles.min(initial=4))),
     )  # fmt: skip
     small, medium, large = slide.fuzzy.slip
     falling, steady, growing = slide.fuzzy.rate

@@ -150,10 +150,8 @@ def watch_unseen(u, run):
 
 @jit
 def sight(u, run):
-    """Largest limit [1] of a unit by what it sees: inf with all its axles, else a share of the plan, down to `BLIND`."""
-    if u.seen >= u.axles:
-        return math.inf
-    return (BLIND + (1.0 - BLIND) * u.seen / u.axles) * run.plan
+    """Largest limit [1] of a unit by what it sees: a share `BLIND` of the plan where it sees none of its axles."""
+    return BLIND * run.plan if u.seen == 0 else math.inf
 
 
 @jit

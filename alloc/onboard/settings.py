@@ -13,7 +13,7 @@ from alloc.curves import PiecewiseCurve
 from alloc.errors import OnboardError
 from alloc.records import NOT_IN_FILES, Bounds, Record, quantity
 
-SENSITIVITIES: dict[str, float] = {"low": 0.915, "medium": 1.0, "high": 3.1374}
+SENSITIVITIES: dict[str, float] = {"low": 0.905, "medium": 1.0, "high": 2.92}
 """Detection sensitivities of JP4209318, Table 4, as numbers for `Fuzzy.sensitivity`; calibrated with its sets."""
 SlideLaw = Literal["none", "threshold", "fuzzy"]
 """Laws of the slide protection, in the order of their numbers in `SLIDE.protection`."""
@@ -46,12 +46,13 @@ class Detector(OnboardRecord):
     Source: JP5484215, Fig. 5; the values are assumed.
     """
 
-    on: float = quantity(1.8, "km/h/s", above=0.0)
+    on: float = quantity(1.5, "km/h/s", above=0.0)
     """The slip signal is on above this acceleration."""
-    off: float = quantity(0.9, "km/h/s", least=-math.inf)
+    off: float = quantity(0.75, "km/h/s", least=-math.inf)
     """The slip signal is off at or below this acceleration, which is less than `on`."""
-    pole: float = quantity(40.0, "1/s", above=0.0)
-    """Pole of the differentiator that computes the accelerations."""
+    pole: float | None = quantity(None, "1/s", above=0.0)
+    """Pole of the differentiator that computes the accelerations. Left out: it follows the noise of the sensors, see
+    `alloc.onboard.rows.detector_pole`."""
     speed_on: float = quantity(0.6, "km/h", above=0.0)
     """The signal is also on where the slip of the unit's worst axle against the reference speed exceeds this; off again
     below half of it. A small deficit accelerates the wheels too little for `on`, and one slipping axle of four moves the
@@ -285,8 +286,6 @@ class Onboard(OnboardRecord):
     """A unit's torque is its limit (6) plus the torque that accelerates its own wheelsets, so that limits, caps and plan are
     all coefficients at the rail. Otherwise it is (6) as printed, which delivers less at the rail than the cap by that
     part. Source: JP5484215 (6), corrected."""
-    hosted: Mapping[str, Any] = field(default_factory=dict, hash=False, metadata=NOT_IN_FILES)
-    """Settings of controllers in Python by the controller's name; those not named take their defaults."""
 
     @property
     def owner(self) -> str:

@@ -125,7 +125,7 @@ def sharing_law(units, run):
 
 
 SHARING = Rule(
-    "sharing", "each unit's shortfall handed to the others step by step (JP 4225233)", sharing_law, "delivered",
+    "sharing", "each unit's shortfall handed to the others step by step (JP 4225233)", sharing_law, "front",
     colour="#e69f00", marker="^",
 )  # fmt: skip
 

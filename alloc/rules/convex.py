@@ -13,11 +13,11 @@ import threading
 import warnings
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from statistics import NormalDist
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
 
 from alloc.errors import AllocationError
 from alloc.onboard.beliefs import ROOM
@@ -170,7 +170,7 @@ def robust_rule(probability: float = PROBABILITY) -> Rule:
     """
     if not 0.5 <= probability < 1.0:
         raise AllocationError(f"probability = {probability!r} must be 0.5 or more and less than 1")
-    quantile = float(ndtri(probability))
+    quantile = NormalDist().inv_cdf(probability)
 
     def carried(x: Any, p: Any) -> Any:
         import cvxpy as cp

@@ -15,8 +15,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import osqp  # type: ignore[import-untyped]
-from scipy import sparse
 
 from alloc.rules.exact import exact_limits
 from alloc.rules.problem import Allocation, AllocationProblem, Floats, allocated
@@ -73,11 +71,14 @@ class Workspace:
     """The program of n units for OSQP."""
 
     def __init__(self, n: int) -> None:
+        import osqp  # type: ignore[import-untyped]  # both take longer to import than a run takes
+        from scipy import sparse
+
         matrix = sparse.vstack([sparse.eye(n), np.ones((1, n))]).tocsc()
         matrix.sort_indices()
         self.entries = matrix.data  # a column holds its entry of the box, then of the sum
-        self.mass, self.moved = np.ones(n), False
-        self.solver = osqp.OSQP()
+        self.mass, self.moved, self.ends = np.ones(n), False, osqp.SolverStatus
+        self.infinite, self.solver = osqp.constant("OSQP_INFTY"), osqp.OSQP()
         self.solver.setup(
             sparse.eye(n, format="csc"), -np.ones(n), matrix, np.zeros(n + 1), np.ones(n + 1), verbose=False, **SETTINGS
         )  # fmt: skip
@@ -90,15 +91,15 @@ class Workspace:
             self.solver.update(q=-root, Ax=self.entries)
         total = root @ root * problem.attainable / plan
         low, high = (np.append(root * one / plan, total) for one in (problem.lower, problem.upper))
-        self.solver.update(l=low, u=np.minimum(high, osqp.constant("OSQP_INFTY")))
+        self.solver.update(l=low, u=np.minimum(high, self.infinite))
         if self.moved:
             self.solver.update_settings(rho=SETTINGS["rho"])
         found = self.solver.solve(raise_error=False)
         self.moved = found.info.rho_updates > 0
-        status = osqp.SolverStatus(found.info.status_val)
-        if status == osqp.SolverStatus.OSQP_SIGINT:
+        status = self.ends(found.info.status_val)
+        if status == self.ends.OSQP_SIGINT:
             signal.raise_signal(signal.SIGINT)  # OSQP kept it from Python
-        fine = status == osqp.SolverStatus.OSQP_SOLVED
+        fine = status == self.ends.OSQP_SOLVED
         return found.x / root * plan, "ok" if fine else str(found.info.status)
 
 

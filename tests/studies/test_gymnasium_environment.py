@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from alloc.errors import InputError
 from alloc.metrics import evaluate
 from alloc.simulation import simulate
 from studies.core import StudyError
@@ -38,9 +39,9 @@ def test_gymnasium_accepts_it(given):
 def test_an_agent_that_does_as_a_controller_makes_its_run_and_is_paid_for_it(name):
     env = ReadhesionEnvironment(short(name), others="perturb-observe")
     _, info = env.reset(options={"event_seed": 2})
-    total = play(env, lambda info: info["reserve"], info)[:, -1].sum()
+    total = play(env, lambda info: info["others"], info)[:, -1].sum()
     run = env.simulation.recorded()
-    own = simulate(env.scenario.event(2), "greedy", "perturb-observe")
+    own = simulate(env.scenario.event(2), "cooperative", "perturb-observe")
     for variable in ("speed", "rim_speed", "torque_command", "rail_force"):
         np.testing.assert_allclose(run[variable], own[variable], rtol=1e-9, atol=1e-9)
     plan = np.abs(run["driver_command"].values) * run.attrs["train_mass"]
@@ -62,8 +63,8 @@ def test_a_copy_goes_on_as_the_original_does(again):
 
 
 def test_what_cannot_be_is_said():
-    for given in ({"units": [8]}, {"others": "mpc"}, {"rule": "oracle"}):
-        with pytest.raises(StudyError, match=str(*given.values()).strip("[]")):
+    for given in ({"units": [8]}, {"others": "mcp"}, {"rule": "oracle"}):
+        with pytest.raises(InputError, match=str(*given.values()).strip("[]")):
             ReadhesionEnvironment(**given)
     env = ReadhesionEnvironment(short("wet-start"), units=[0])
     for actions in ([0.5], [np.nan], [1.1], [0.0, 0.0]):

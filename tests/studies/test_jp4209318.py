@@ -33,7 +33,7 @@ def run():
 
 def test_both_forms_of_the_motion_the_balance_and_q_hold_in_a_record(run):
     found = laws(run, train())
-    assert max(found["form_1"], found["form_2"]) < 0.02  # m/s, of records 10 ms apart
+    assert max(found["form_1"], found["form_2"]) < 0.02  # m/s, of records 20 ms apart
     assert found["form_1"] == pytest.approx(found["form_2"], abs=1e-9)
     assert found["energy"] < 1e-5  # (27)
     assert found["Q_28"] == pytest.approx(damage(run), rel=1e-4)
@@ -41,7 +41,7 @@ def test_both_forms_of_the_motion_the_balance_and_q_hold_in_a_record(run):
 
 def test_wheels_never_turn_faster_than_the_train_runs(run):
     moving = run.isel(time=run["speed"].values > 5.0 / 3.6)
-    assert (moving["rim_speed"].values <= moving["speed"].values[:, None]).all()  # (20)
+    assert (moving["rim_speed"].values <= moving["speed"].values[:, None] + 1e-9).all()  # (20)
     own = 120.0 / 0.43**2 * moving["acceleration"].values[:, None]
     own = -moving["rail_force"].values - own  # (12): F_m
     lacking = np.cumsum(moving["brake_force"].values - own, axis=0)
@@ -65,9 +65,10 @@ def test_a_small_run_gives_the_tables(tmp_path):
     assert set(rows["status"]) == {"ok"}
     table = STUDY.table(rows).set_index("number")
     assert table.loc[table["source"].str.startswith("Table"), "verdict"].eq("holds").all()
-    assert table.loc["distance, 3 cars [m]", "found"] == pytest.approx(386.54423, abs=1e-5)
-    assert table.loc["Q, medium [kJ]", "found"] == pytest.approx(1477.4031, abs=1e-4)
+    assert table.loc["distance, 3 cars [m]", "found"] == pytest.approx(385.67921, abs=1e-5)
+    assert table.loc["Q, medium [kJ]", "found"] == pytest.approx(1483.5265, abs=1e-4)
     failed = table.index[table["verdict"] == "does not hold"]
     assert [name.partition(":")[0] for name in failed] == [
-        "thresholds 0.01, 0.02", "2 cars by a set sought without them"
+        "settings that another sensitivity beats in both", "thresholds 0.01, 0.02",
+        "2 cars by a set sought without them",
     ]  # fmt: skip

@@ -12,7 +12,7 @@ START, END = COMMUTER.line.tunnels[0]
 
 def test_the_map_is_read_at_a_point_as_printed_or_car_by_car() -> None:
     point, cars = study.LineMemory(COMMUTER), study.LineMemory(COMMUTER, by_car=True)
-    half = 0.5 * COMMUTER.length
+    half = 0.5 * COMMUTER.train.length
     inside = [point.read(half + x)[0] for x in (START - 1.0, START + 1.0, END + 1.0)]
     assert inside == [0.0, 1.0, 0.0]
     assert cars.read(START + half)[0] == pytest.approx(0.5)

@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import sawtooth
 
-from alloc.rail import window
+from alloc.laws import window
 from studies import readhesion_paper as paper
 from studies.readhesion_paper import IN_USE, MEMBER_STEP, PLAN, Case, Run
 

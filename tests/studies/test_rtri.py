@@ -39,8 +39,8 @@ def test_the_running_tests_are_those_of_the_report():
     for name in CUT_OUT:
         cars = train_of(TESTS[name], 3).cars
         assert sum(2 - len(car.air_brake.cut_out) for car in cars[1:]) == 2 * TESTS[name].braked
-        whole = [car.air_brake.force_per_pascal for car in train_of(TESTS["all"], 3).cars]
-        assert [car.air_brake.force_per_pascal for car in cars] == whole
+        whole = [car.air_brake.friction_factor for car in train_of(TESTS["all"], 3).cars]
+        assert [car.air_brake.friction_factor for car in cars] == whole
 
 
 @pytest.mark.parametrize("name", ["locomotive", "all"])
