@@ -125,7 +125,9 @@ UNIT = Table(
     seen=Column(4, ONE, "number of its axles whose speed is known"),
     rim=Column(0.0, "m s-1", "mean rim speed of its axles whose speed is known"),
     unseen=Column(
-        0.0, "m s-1", "mean rim speed of its other axles, by that of its motors at the inverter"
+        0.0,
+        "m s-1",
+        "sum of the rim speeds of its other axles, by its motors' speed at the inverter",
     ),
     runs_away=Column(0, ONE, "whether those are seen to run away", True),
     motor_torque=Column(0.0, "N m", "torque of each motor", True),

@@ -393,7 +393,9 @@ def advance(
                 stage[r] = y[r] + reach * h * slope[r]
         if cleans:
             clean_rail(end, y, axles, bodies, omega, friction, h, rail, plant)
-        for r in range(y.size):  # what is left of a standstill is no number that a processor computes fast
+        for r in range(
+            y.size
+        ):  # what is left of a standstill is no number that a processor computes fast
             y[r] = end[r] if abs(end[r]) > SMALLEST else 0.0
 
 

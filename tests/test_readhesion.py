@@ -95,7 +95,7 @@ MISTAKES = [
     (lambda e, run: simulate_event("wet-start"), "takes names too"),
     (lambda e, run: Rail(14), "14 % is 0.14"),
     (lambda e, run: r.AllocationProblem([0.1, 0.2], 17), "0.17 for 17 %"),
-    (lambda e, run: r.compare(e, rules=r.RULES["exact"]), "rules = <Rule 'exact'.* give its name"),
+    (lambda e, run: r.compare(e, rules=r.RULES["exact"]), r"rules = Rule\(name='exact'.* give its name"),
     (lambda e, run: r.compare(e, rules=["exact", "exakt"]), "did you mean 'exact'"),
     (lambda e, run: r.compare(e, seeds=1.5), "seeds = 1.5: give a whole number from 1"),
     (lambda e, run: r.compare(e, seeds=[0, 1]), r"seeds = \[0, 1\]: give a whole number from 1"),

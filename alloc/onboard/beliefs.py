@@ -114,7 +114,8 @@ def front(tick, units, said, heard, run):
         if first >= 0:
             u.cap = max(units[first].mark + u.increment - units[first].increment, 0.0)
         if recent(limited, run) and u.mark < math.inf:
-            u.cap = max(u.mark, ROOM * u.heard)
+            # without slip there is room: trying costs nothing
+            u.cap = u.mark if within(slipped, run.hold, run) else max(u.mark, ROOM * u.heard)
         elif heard[tick, j] * run.period - slipped >= run.telegram - ROUNDING:
             u.cap = max(u.cap, min(u.mark, max(run.plan, u.heard)))
         if not works:

@@ -15,7 +15,7 @@ from alloc.train_rows import TrainRows, train_rows
 
 COMPARED = 1e-4
 """Relative deviation of radii that were compared: 3 s at 10 m/s and with 10 mm/s of noise in a reading leave as much."""
-FASTEST, QUIET = 40.0, 0.2
+FASTEST, QUIET = 40.0, 0.14
 """Pole of the detector's differentiator with quiet sensors [1/s]. Where they are noisy, share of the threshold that the
 deviation of computed accelerations is held to [1]: at pole 40 noise of 0.1 km/h is taken for slip, and cut-and-ramp cuts."""
 

@@ -29,7 +29,7 @@ ACTING = 0.5
 BLIND = 0.5
 """Share of the plan that is asked at most of a unit none of whose axles is seen [1]."""
 WATCHED, WATCHED_SHARE = 1.0, 0.1
-"""Slip at which an unseen axle is known to run away [m/s], and a share of the speed that adds to it: the mean is rough."""
+"""Slip at which unseen axles are known to run away [m/s], and a share of the speed that adds to it: the mean is rough."""
 
 
 @jit
@@ -132,15 +132,14 @@ def shoe_friction(b, speed):
 
 @jit
 def watch_unseen(u, run):
-    """Whether the unseen axles of a unit run away, `u.runs_away`; their mean speed is that of all motors less the seen.
+    """Whether the unseen axles of a unit run away, `u.runs_away`; their speeds' sum is that of all motors less the seen.
 
-    It stays so until half of that slip is left.
+    The sum of their slips counts, for one of them may slip alone. It stays so until half of that slip is left.
     """
     if u.seen == u.axles:
         u.runs_away = 0
         return
-    u.unseen /= u.axles - u.seen
-    slip = run.sign * (u.unseen - run.reference_speed)
+    slip = run.sign * (u.unseen - (u.axles - u.seen) * run.reference_speed)
     bound = WATCHED + WATCHED_SHARE * abs(run.reference_speed)
     if slip > bound:
         u.runs_away = 1
@@ -150,8 +149,11 @@ def watch_unseen(u, run):
 
 @jit
 def sight(u, run):
-    """Largest limit [1] of a unit by what it sees: a share `BLIND` of the plan where it sees none of its axles."""
-    return BLIND * run.plan if u.seen == 0 else math.inf
+    """Largest limit [1] of a unit by what it sees: a share `BLIND` of the plan where it sees none of its axles.
+
+    The oracle, which alone has `unit.truth`, needs no sight.
+    """
+    return BLIND * run.plan if u.seen == 0 and u.truth == math.inf else math.inf
 
 
 @jit

@@ -64,6 +64,8 @@ def set_brake_targets(units, onboard, run):
         scale, at_rim = torque_per_coefficient(u, u.brake_turning, onboard), u.gear / u.radius
         full = scale * run.plan
         u.pattern = min(scale * u.limit, u.pattern + full * run.period / run.rise)
+        if u.runs_away:  # as pulling; air too would hold the slide
+            u.pattern = 0.0
         bound = min(u.brake_limit, scale * sight(u, run))
         motors = share_of_motors(u, bound, full, onboard, run)
         left = u.torque_command / motors if motors > 0.0 else 1.0

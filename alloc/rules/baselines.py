@@ -85,7 +85,7 @@ def preset_law(units, run):
         moment += units[j].mass * spacing * j
     for j in range(units.size):
         shift = MOVED * (spacing * j - moment / total)
-        units[j].wanted = min(run.needed * (1.0 + shift), units[j].most)
+        units[j].wanted = min(run.plan * (1.0 + shift), units[j].most)
     return np.nan
 
 

@@ -18,13 +18,11 @@ SMALL = ["--scenario", "wet-patch", "--rules", "alone", "cooperative", "--contro
 OWN_RULE = """
 import numpy as np
 from alloc.rules import RULES, Rule
-from alloc.rules.problem import CASE_A, allocation
 
 def even(problem):
-    limit = np.full(problem.n, problem.expected)
-    return allocation(problem, limit, np.nan, CASE_A, 0.0)
+    return np.full(problem.n, problem.expected)
 
-RULES.register("even", Rule("even", "everybody the plan", even, promise="baseline"))
+RULES.register("even", Rule("even", "everybody the plan", answer=even, promise="exact"))
 """
 OWN_STUDY = """
 import pandas as pd
@@ -110,8 +108,8 @@ def test_own_rule(capsys, elsewhere):
     told = printed(capsys, "--plugin", "even.py", "compare", "--scenario", "wet-start", "--rules", "alone", "even",
                    "--controllers", "cut-and-ramp", "--seeds", "1", "--jobs", "2")  # fmt: skip
     assert "even=" in told
-    assert run(["--plugin", "even.py", "check", "even"]) == 1  # it asks for what motors cannot give
-    assert "broken  torque and rate" in capsys.readouterr().out
+    assert run(["--plugin", "even.py", "check", "even"]) == 1  # it promises the optimum
+    assert "even breaks the law" in capsys.readouterr().err
 
 
 def test_own_study_counts_with_its_folder(capsys, elsewhere):
@@ -187,7 +185,7 @@ def test_a_mistake_is_one_line(capsys, monkeypatch, arguments, words):
     ("x = 1", "registers no part"),
     ("x = (", "was never closed"),
     ("raise ValueError('no')", "in line 1: no"),
-    (OWN_RULE.replace("return allocation(", "allocation("), "rule 'even'"),
+    (OWN_RULE.replace("return np", "np"), "rule 'even'"),
     (OWN_RULE.replace("problem.n,", "4,"), "rule 'even'"),
     (OWN_RULE.replace('"even", Rule', '"greedy", Rule'), "exists already"),
 ])  # fmt: skip

@@ -89,9 +89,8 @@ def test_the_default_grid():
     chosen = grid()
     cells = chosen.cells()
     assert {"alone", "greedy", "cooperative", "oracle"} < set(chosen.rules)
-    assert len(cells) == 14 * len(chosen.rules) * (2 * 5 + 1)
+    assert len(cells) == 14 * len(chosen.rules) * 3 * 5
     assert len({cell.name for cell in cells}) == len(cells)
-    assert {cell.columns["seed"] for cell in cells if cell.columns["controller"] == "mpc"} == {0}
 
 
 @pytest.mark.parametrize(("parts", "words"), [
