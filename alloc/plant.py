@@ -22,9 +22,9 @@ from alloc.tables import Rows
 
 FLOOR = 1e-3
 """Smallest adhesion coefficient: scatter and increments must not make it zero."""
-USED, BACK = 0.995, 0.8
-"""Share of the true adhesion that the oracle uses: at the very peak no torque can be held. Share of what a wheel beyond the
-peak carries that it leaves to it, so that the wheel comes back."""
+USED, USED_BY_AIR, BACK = 0.999, 0.995, 0.8
+"""Shares of the true adhesion that the oracle uses pulling, and braking with air: at the very peak no torque can be held.
+Share of what a wheel beyond the peak carries that it leaves to it, so that the wheel comes back."""
 STABLE = 2.0
 """Step times fastest rate; classical Runge-Kutta is stable below 2.78."""
 STROKE = 0.1
@@ -427,7 +427,7 @@ def true_limits(
                 plant.curve, plant.curve_values, own_curve, y[bodies + a.body], a.offered, a.contact
             )
             load = law.axle_load(a.static_load, a.unloading, cars[a.car].force)
-            carried = USED * most * load
+            carried = (USED_BY_AIR if run.braking else USED) * most * load
             if run.sign * (a.radius * y[omega + i] - y[bodies + a.body]) > 1.05 * place:
                 carried = min(carried, BACK * run.sign * a.rail_force)
             if a.unit >= 0:

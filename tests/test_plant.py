@@ -398,14 +398,14 @@ def test_the_oracle_knows_what_the_next_steps_carry():
         0.2,
     )
     for speed, truth in (
-        (0.0, 0.199),
-        (40.0, 0.0995),
+        (0.0, 0.2 * plant.USED),
+        (40.0, 0.1 * plant.USED),
     ):  # at 40 m/s the front is on the patch within 0.15 s
         w.y[0], w.y[1], w.y[2:14] = 100.0, speed, speed / w.axles.radius
         plant.true_limits(0.0, w.y, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.own_curve,
                           w.scatter, w.plant, run)  # fmt: skip
         assert w.units.truth[0] == pytest.approx(truth)
-        assert w.units.truth[2] == pytest.approx(0.199)
+        assert w.units.truth[2] == pytest.approx(0.2 * plant.USED)
 
 
 @looped("form", FORMS)

@@ -36,10 +36,12 @@ def set_targets(units, onboard, run):
         scale = torque_per_coefficient(u, u.turning, onboard)
         bound = u.drive_limit if run.sign > 0.0 else u.brake_limit
         rising = u.pattern + scale * run.plan * run.period / run.rise
-        u.pattern = min(scale * min(u.limit, sight(u, run)), bound, rising)
+        # what its limit has held back the oracle may have again at once
+        most = u.limit if u.truth == math.inf else max(u.limit, run.plan)
+        u.pattern = min(scale * min(most, sight(u, run)), bound, rising)
         if run.driver_command == 0.0 or u.runs_away:
             u.pattern = 0.0
-        u.torque_target = u.pattern
+        u.torque_target = min(u.pattern, scale * u.limit)
         u.air_brake_force, u.taken, u.kept = 0.0, math.inf, 1.0
     run.braked = 0.0
 
