@@ -26,8 +26,7 @@ def _sources() -> str:
     """Hash of everything that compiled code can depend on."""
     digest = hashlib.sha256(f"{sys.version} {numba.__version__}".encode())
     for path in sorted(one for name in ("alloc", "mpc") for one in (ROOT / name).rglob("*.py")):
-        if "old" not in path.parts:
-            digest.update(path.read_bytes())
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 

@@ -19,32 +19,32 @@ STYLE = Path(__file__).parents[2] / "paper_figs" / "readhesion.mplstyle"
 POPULATIONS = {
     claims: (
         0,
-        "7fd45fd395b63ffb b3fe7abb3e961a5d 3f0ad6d7ad86bdbd",
+        "f84524d5a5519832 4201c68895ca2201 e67e912fae19f325",
         {"level": (0.06, 0.2), "slope": (0.0, 0.0332), "scatter": (0.0, 0.012),
          "patch_factor": (0.6, 1.0), "patch_start_m": (5.0, 40.0), "patch_length_m": (20.0, 60.0)},
     ),
     braking: (
         90,
-        "226f272d18c6985c ffd39779342717f5 d1e911d62204245f",
+        "9f7c80a8b7761bde ce32067eb2361b03 9c89edc33f3fdfab",
         {"residual_ratio": (0.3, 0.98), "peak_slip": (0.15, 0.8), "share": (0.4, 1.1),
          "end_kmh": (0.0, 35.0), "patch_factor": (0.5, 1.6), "grade_permille": (-20.0, 20.0),
          "radius_error": (0.0, 0.005), "failed_at_s": (0.0, 6.0), "day": (1, 2**31)},
     ),
     headroom: (
         200,
-        "dbe65208aa434299 d75690465d361a75 d8f1523b26cff154",
+        "ba8e1410f33dea1e a112d3e7f6a81f30 547b360470f5aebb",
         {"wanted": (0.0, 0.18), "growth": (-0.05, 0.2), "level_ratio": (0.96, 1.06),
          "demand": (0.85, 1.0), "conditioning": (0.0, 0.3), "scatter_share": (0.0, 0.06)},
     ),
     ladder: (
         77,
-        "f6a10c0f296b2404 d96fa0eee6a1dc65 4ae58d3454a6199a",
+        "f1c3cb5be25e6638 503d4bd08e0d1ae1 4a10f2b97104fe37",
         {"level": (0.13, 0.19), "drop_factor": (0.5, 0.8), "drop_begin_s": (2.5, 4.0),
          "drop_length_s": (3.0, 5.0), "scatter": (0.0, 0.008), "grade_permille": (0.0, 20.0)},
     ),
     broad: (
         3100,
-        "019c4b30070ef21f 06b2387e0bd2bc80 f5638df56bb6c4a8",
+        "eabf7eb5800c8943 1fc2a1b8b4c844e4 0851a6fe190b8c6f",
         {"residual_ratio": (0.3, 0.98), "peak_slip": (0.03, 0.8), "steepness": (1.5, 20.0),
          "speed_kmh": (0.0, 120.0), "torque_lag_s": (0.005, 0.1), "telegram_loss": (0.0, 0.1)},
     ),

@@ -1,1 +1,0 @@
-"""The train, what runs on board, and the rules that share adhesion among its cars."""

@@ -1,1 +1,0 @@
-"""The plant: the train's equations, stated once, their parameters and the integrator."""
