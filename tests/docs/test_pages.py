@@ -129,7 +129,8 @@ NUMBERS = {
     "it uses {:.1f} %, 1.9": (SHIPPED, "perturb-observe cooperative", USED, 100),
     "{:.1f} points [{:.1f}, {:.1f}] more": (SHIPPED, "perturb-observe cooperative", POINTS, 100),
     "use the same {:.1f} %": (SHIPPED, "perturb-observe qp", USED, 100),
-    "It uses {:.1f} %, and": (SHIPPED, "perturb-observe uniform", USED, 100),
+    "`greedy` {:.1f} %: all": (SHIPPED, "perturb-observe greedy", USED, 100),
+    "It uses {:.1f} %, which": (SHIPPED, "perturb-observe uniform", USED, 100),
     "causes {:.0f} kJ [{:.0f}, {:.0f}]": (SHIPPED, "perturb-observe uniform", DAMAGE, 1),
     "On {:.0f} random starts `cooperative`": (
         "headroom-statements",
@@ -145,6 +146,12 @@ NUMBERS = {
         ("headroom gained [%]",),
         1,
     ),
+    "`uniform` gains more, {:.1f} %, at": (
+        ROOM,
+        "perturb-observe uniform",
+        ("headroom gained [%]",),
+        1,
+    ),
     "{:.0f} kJ [{:.0f}, {:.0f}] more wheel damage, because": (
         ROOM,
         "perturb-observe cooperative",
@@ -152,11 +159,11 @@ NUMBERS = {
         1,
     ),
     "gains {:.2f} points [{:.2f}, {:.2f}]": (BROAD, "perturb-observe cooperative", GAIN, 1),
-    "loses {:.1f} ": (BROAD, "perturb-observe greedy", GAIN, -1),
+    "loses {0:.1f} [{2:.1f}, {1:.1f}]": (BROAD, "perturb-observe greedy", GAIN, -1),
     "reaches {:.1f} % [{:.1f}, {:.1f}]": (CLAIMS, "a: greedy-printed under cut-and-ramp", MEAN, 1),
     "{:.1f} % [{:.1f}, {:.1f}] under p": (CLAIMS, "a: cooperative under perturb-observe", MEAN, 1),
     "it uses {:.1f} % of the adhesion": (STARTS, "multiple units mpc", SHORT, 1),
-    "perturb-observe does with {:.1f} %": (STARTS, "multiple units perturb-observe", SHORT, 1),
+    "perturb-observe {:.1f} % ([c": (STARTS, "multiple units perturb-observe", SHORT, 1),
 }
 """Words of the README -> table, first cells of its row, columns whose numbers it has, and what they are multiplied by."""
 
