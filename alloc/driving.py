@@ -11,11 +11,11 @@ import numpy as np
 import xarray as xr
 
 from alloc.compilation import jit
-from alloc.errors import SimulationError, UnsoundRun
+from alloc.errors import SimulationError
 from alloc.event import DriverCommand, Event
-from alloc.plant import advance, derivative, note
+from alloc.plant import places
 from alloc.record import dataset, room
-from alloc.simulation import keep
+from alloc.simulation import write_down_and_advance
 from alloc.tables import Rows
 
 
@@ -50,11 +50,13 @@ def drive(event: Event, driver: Driver) -> xr.Dataset:
     `alloc.simulation.simulate`.
     """
     w = event.world()
-    record, run, last, ended = room(w), w.run[0], float(w.state[_first_speed(w.cars, w.plant)]), 0
+    record, run, ended = room(w), w.run[0], 0
+    bodies = places(w.axles, w.cars, w.units, w.brakes, w.plant[0])[0]
+    last = float(w.state[bodies])
     period = event.onboard.period
     for k in range(w.command.size):
         run.time = time = k * period
-        speed = float(w.state[_first_speed(w.cars, w.plant)])
+        speed = float(w.state[bodies])
         rate = (speed - last) / period
         sense = TrainSense(time, float(w.state[0]), speed, rate, w.axles, w.units, w.brakes)
         last, go_on = speed, driver(sense, w.units, w.brakes)
@@ -68,35 +70,14 @@ def drive(event: Event, driver: Driver) -> xr.Dataset:
         ended = k + 1
         if go_on is False:
             break
-    if not np.isfinite(w.state).all():
-        raise UnsoundRun(f"event {event.name!r}: the state is no number at {run.time:g} s")
     return dataset(event, "driver", "driver", w, record, ended, 0.0)
-
-
-def _first_speed(cars: Rows, plant: Rows) -> int:
-    return 1 if plant.body_mass[0] > 0.0 else int(cars.size)
 
 
 @jit
 def _go(k, w, record):
-    plant, run = w.plant[0], w.run[0]
-    for u in w.units:
+    torque = places(w.axles, w.cars, w.units, w.brakes, w.plant[0])[2]
+    for j in range(w.units.size):
+        u = w.units[j]
         u.torque_command = u.applied
-    derivative(
-        run.time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
-        w.own_curve, w.scatter, plant,
-    )  # fmt: skip
-    note(w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, plant, run)
-    for j in range(w.units.size):  # as the sensing of an automatic run does
-        w.units[j].motor_torque = w.state[
-            w.state.size - 4 - w.axles.size - w.brakes.size - w.units.size + j
-        ]
-    keep(record.axle_words, record.axles_in[k])
-    keep(record.car_words, record.cars_in[k])
-    keep(record.unit_words, record.units_in[k])
-    keep(record.brake_words, record.brakes_in[k])
-    keep(record.run_words, record.run_in[k])
-    advance(
-        run.time, w.state, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard, w.own_curve,
-        w.scatter, w.rail, plant, record.brakes,
-    )  # fmt: skip
+        u.motor_torque = w.state[torque + j]  # as the sensing of an automatic run does
+    write_down_and_advance(k, w, record)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from alloc.columns import AXLE, BRAKE, CAR, RUN, UNIT
 from alloc.curves import tops
+from alloc.errors import UnsoundRun
 from alloc.sources import write_whole
 from alloc.tables import Rows, words
 from alloc.world import World
@@ -72,7 +73,13 @@ def room(w: World) -> Record:
 def dataset(
     event: "Event", rule: str, controller: str, w: World, record: Record, ended: int, wall_time: float
 ) -> xr.Dataset:  # fmt: skip
-    """The recorded run of `ended` ticks."""
+    """The recorded run of `ended` ticks; raises `UnsoundRun` where the state has become no number."""
+    if not np.isfinite(w.state).all():
+        first = int(np.argmin(np.isfinite(record.run.speed[:ended, 0])))
+        raise UnsoundRun(
+            f"event {event.name!r} under {rule} and {controller}: the state is no number from "
+            f"{first * event.onboard.period:g} s on"
+        )
     every = max(1, round(event.record_period / event.onboard.period))
     kept = slice(0, ended, every)
     recorded: tuple[Any, ...] = record[: len(_TABLES)]

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numba import boolean, int64, void
+from numba.extending import register_jitable
 
 from alloc.compilation import jit
-from alloc.errors import InputError, SimulationError, UnsoundRun
+from alloc.errors import InputError, SimulationError
 from alloc.event import Event
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.sensing import report, sense
@@ -121,6 +122,10 @@ class Simulation:
         belief, law = self.rule.belief.function, self.rule.law
         aim(belief, law, self.knows, self.tick, self.world, self.record)
 
+    def command(self) -> None:
+        """Have the controller command torques for these targets, in `world.units.torque_command`."""
+        command(self.controller.control, self.world)
+
     def go(self) -> None:
         """Go to the next instant with the torques that `world.units.torque_command` has."""
         go(self.tick, self.world, self.record)
@@ -128,16 +133,8 @@ class Simulation:
 
     def recorded(self) -> xr.Dataset:
         """The run up to here; raises `UnsoundRun` where its state is no number."""
-        w, ended = self.world, self.tick
-        if not np.isfinite(w.state).all():
-            speeds = self.record.run.speed[:ended, 0]
-            first = int(np.argmin(np.isfinite(speeds)))
-            raise UnsoundRun(
-                f"event {self.event.name!r} under {self.rule.name} and {self.controller.name}: the state is no number from "
-                f"{first * self.event.onboard.period:g} s on"
-            )
         names = self.rule.name, self.controller.name
-        return dataset(self.event, *names, w, self.record, ended, self.wall_time)
+        return dataset(self.event, *names, self.world, self.record, self.tick, self.wall_time)
 
 
 def _part(registry: Registry[Any], kind: type, given: Any) -> Any:
@@ -217,12 +214,19 @@ def keep(words, into):
 @jit
 def go(k, w, record):
     """Command motors and valves, write the instant down, and go to the next."""
-    run, onboard, plant = w.run[0], w.onboard[0], w.plant[0]
+    run = w.run[0]
     foresee(w.units, run)
     protect(k, w.axles, w.brakes, w.slide[0], run)
-    ask_brakes(w.units, w.brakes, onboard, run)
+    ask_brakes(w.units, w.brakes, w.onboard[0], run)
     for u in w.units:
         u.applied = run.sign * u.torque_command
+    write_down_and_advance(k, w, record)
+
+
+@jit
+def write_down_and_advance(k, w, record):
+    """The plant at instant k as it is recorded, and a control period under what motors and valves are commanded."""
+    plant, run = w.plant[0], w.run[0]
     derivative(
         run.time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
         w.own_curve, w.scatter, plant,
@@ -239,31 +243,34 @@ def go(k, w, record):
     )  # fmt: skip
 
 
+# Both may be called from Python, with parts in Python, and from the compiled loop.
+
+
+@register_jitable
 def aim(belief, law, knows, k, w, record):
     """Up to the targets of instant k."""
+    run = w.run[0]
     listen(k, w)
     if knows:
         see(w)
-    run = w.run[0]
     if belief(k, w.units, record.units, w.heard, run):
         run.asked += 1
         run.level = law(w.units, run)
     set_aims(k, w, record)
 
 
+@register_jitable
+def command(control, w):
+    """What the readhesion controller of each unit commands."""
+    for j in range(w.units.size):
+        control(w.units[j], w.axles[w.first[j] : w.last[j]], w.memory[j], w.run[0])
+
+
 def steps(belief, law, control, knows, first, w, record):
     """All instants from `first` on."""
-    run = w.run[0]
     for k in range(first, w.command.size):
-        listen(k, w)
-        if knows:
-            see(w)
-        if belief(k, w.units, record.units, w.heard, run):
-            run.asked += 1
-            run.level = law(w.units, run)
-        set_aims(k, w, record)
-        for j in range(w.units.size):
-            control(w.units[j], w.axles[w.first[j] : w.last[j]], w.memory[j], run)
+        aim(belief, law, knows, k, w, record)
+        command(control, w)
         go(k, w, record)
 
 

@@ -103,11 +103,8 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
 
     def _aim(self) -> None:
         """Targets of the next instant, and what the controller `others` would command there."""
-        run = self.simulation
-        run.aim()
-        w, control = run.world, run.controller.control
-        for j in range(w.units.size):
-            control(w.units[j], w.axles[w.first[j] : w.last[j]], w.memory[j], w.run[0])
+        self.simulation.aim()
+        self.simulation.command()
 
     def _go_on(self, shares: Floats) -> None:
         """Command these shares, and run to the next control instant."""

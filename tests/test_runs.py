@@ -119,11 +119,9 @@ def test_a_rarer_record_is_the_same_run():
 
 def test_stopping_between_instants_changes_nothing():
     run = Simulation(event(duration=2.0), "cooperative", "cut-and-ramp")
-    control, w = run.controller.control, run.world
     while run.tick < 100:
         run.aim()
-        for j in range(w.units.size):
-            control(w.units[j], w.axles[w.first[j] : w.last[j]], w.memory[j], w.run[0])
+        run.command()
         run.go()
     run.go_on()
     whole = simulate(event(duration=2.0), "cooperative", "cut-and-ramp")
