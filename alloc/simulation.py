@@ -21,6 +21,7 @@ from alloc.event import Event
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.sensing import report, sense
 from alloc.onboard.slide import protect
+from alloc.onboard.speed import ease
 from alloc.onboard.targets import (
     ask_brakes,
     foresee,
@@ -215,11 +216,12 @@ def keep(words, into):
 def go(k, w, record):
     """Command motors and valves, write the instant down, and go to the next."""
     run = w.run[0]
+    ease(w.units, w.onboard[0], run)
     foresee(w.units, run)
     protect(k, w.axles, w.brakes, w.slide[0], run)
     ask_brakes(w.units, w.brakes, w.onboard[0], run)
     for u in w.units:
-        u.applied = run.sign * u.torque_command
+        u.applied = run.sign * u.eased * u.torque_command
     write_down_and_advance(k, w, record)
 
 

@@ -9,13 +9,12 @@ import math
 from alloc.backends import compiled as law
 from alloc.columns import NAN, ONE
 from alloc.compilation import jit
+from alloc.onboard.sensing import LIMITING
 from alloc.parts import control
 from alloc.tables import Column, Table
 
 ASSUMED = "assumed"
 TUNED = "tuned on events of `studies.ladder`, seed 1000"
-LIMITING = 0.999
-"""Share of its target below which a unit counts as limited by its controller, and a search goes on."""
 
 
 @jit

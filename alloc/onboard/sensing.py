@@ -11,7 +11,7 @@ import math
 
 from alloc.backends import compiled as law
 from alloc.compilation import jit
-from alloc.onboard.speed import estimate_speed
+from alloc.onboard.speed import SHORTEST, estimate_speed
 from alloc.plant import look_up, places
 
 KNOWN = 0.1
@@ -20,10 +20,14 @@ ROUNDING = 1e-9
 """Tolerance of instants, which are multiples of the control period [s]."""
 MEAN_TIME = 0.1
 """Time over which it is averaged how far an axle runs ahead [s]: noise and a wheel's swing are shorter."""
+RETURNING = 0.5
+"""Deceleration against that mean above which an axle returns from slip [m/s2]."""
 FILTER_TIME = 0.2
 """Time constant of what a unit reports that it delivers [s]: two telegrams, and one step of a searching controller."""
 WHOLE = 0.985
 """Share of its target from which a unit counts as not limited: creep control keeps within a hundredth of it."""
+LIMITING = 0.999
+"""Share of its target below which a unit is limited by its readhesion controller in this instant."""
 ACTING = 0.5
 """Share of the plan that a target must reach: a smaller one says nothing about the rail."""
 BLIND = 0.5
@@ -42,12 +46,12 @@ def sense(y, noise, axles, cars, units, brakes, effort, retard, plant, onboard, 
     for g in range(brakes.size):
         brakes[g].cylinder_pressure = y[pressure + g]
     before = run.reference_speed
-    force, lead = read_axles(y, noise, axles, units, omega, torque, onboard, run)
+    force, lead, rolling, sure = read_axles(y, noise, axles, units, omega, torque, onboard, run)
     force -= read_shoes(axles, units, brakes, onboard, run)
     if onboard.true_speed:
         run.reference_speed = y[bodies]
     elif run.time > 0.0:
-        estimate_speed(run, onboard, force, lead)
+        estimate_speed(axles, run, onboard, force, lead, rolling, sure)
     for a in axles:
         if a.unit >= 0 and is_seen(a, run.time):
             u = units[a.unit]
@@ -71,11 +75,14 @@ def sense(y, noise, axles, cars, units, brakes, effort, retard, plant, onboard, 
 def read_axles(y, noise, axles, units, omega, torque, onboard, run):
     """Readings of the axles and their sums in the units.
 
-    Returns the force [N] of motors less what turns the wheelsets, and how far [m/s] the axle least ahead runs ahead.
+    Returns the force [N] of motors less what turns the wheelsets; how far [m/s] the axle least ahead runs ahead, of all and
+    of those that roll; and whether the latter are of an eased unit.
     """
-    force, least, h = 0.0, math.inf, run.period
+    force, least, eased, likely, h = 0.0, math.inf, math.inf, math.inf, run.period
+    verge = False
     for u in units:
-        u.rim, u.unseen, u.seen, u.worst_slip = 0.0, 0.0, 0, -math.inf
+        verge = verge or (u.torque_command < LIMITING * u.torque_target and not run.braking)
+        u.rim, u.unseen, u.seen, u.worst_slip, u.returns = 0.0, 0.0, 0, -math.inf, 0
     for i in range(axles.size):
         a = axles[i]
         before, rim = a.reading, a.believed_radius * y[omega + i]
@@ -84,8 +91,15 @@ def read_axles(y, noise, axles, units, omega, torque, onboard, run):
             a.reading = rim + noise[i]
             if onboard.quantum > 0.0:
                 a.reading = math.floor(a.reading / onboard.quantum + 0.5) * onboard.quantum
-            a.ahead += h / MEAN_TIME * (run.sign * (a.reading - run.reference_speed) - a.ahead)
+            ahead = run.sign * (a.reading - run.reference_speed)
+            a.ahead += h / MEAN_TIME * (ahead - a.ahead)
             least = min(least, a.ahead)
+            if a.unit < 0 or not verge:
+                likely = min(likely, a.ahead)
+            if a.unit >= 0 and a.ahead - ahead > RETURNING * MEAN_TIME:
+                units[a.unit].returns = 1
+            elif a.unit >= 0 and units[a.unit].eased < 1.0 and run.easing > 0.5 * SHORTEST:
+                eased = min(eased, a.ahead)
         if run.time > 0.0:
             force -= a.inertia / a.believed_radius**2 * (a.reading - before) / h
         if a.unit >= 0:
@@ -96,7 +110,8 @@ def read_axles(y, noise, axles, units, omega, torque, onboard, run):
             u.unseen += 0.0 if seen else rim
             if seen != is_seen(a, run.time - h):  # the mean speed jumps, which is no acceleration
                 u.filtered = u.observed = math.nan
-    return force, least
+    sure = eased < math.inf
+    return force, least, eased if sure else likely, sure
 
 
 @jit

@@ -102,7 +102,7 @@ def foresee(units, run):
     """`unit.foreseen`, the torque that motors give a period on if they work and the line takes it; positive pulling."""
     for u in units:
         part = 1.0 - math.exp(-run.period / u.lag)
-        u.foreseen += part * (run.sign * u.torque_command - u.foreseen)
+        u.foreseen += part * (run.sign * u.eased * u.torque_command - u.foreseen)
 
 
 @jit
