@@ -116,8 +116,9 @@ class _Bare(ast.NodeTransformer):
 
 
 @lru_cache(maxsize=4096)
-def _tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text("utf-8-sig", errors="replace"))
+def syntax(path: Path) -> ast.Module:
+    """What a file of Python says, without docstrings."""
+    return _Bare().visit(ast.parse(path.read_text("utf-8-sig", errors="replace")))
 
 
 @lru_cache(maxsize=4096)
@@ -125,7 +126,7 @@ def _digest(path: Path) -> str:
     """Hash of what a file says: of its syntax without docstrings, or of its values."""
     content = path.read_bytes()
     if path.suffix == ".py":
-        content = ast.dump(_Bare().visit(_tree(path))).encode()
+        content = ast.dump(syntax(path)).encode()
     elif path.suffix == ".toml":
         with suppress(ValueError):  # a broken one counts as it stands
             content = repr(tomllib.loads(content.decode())).encode()
@@ -134,7 +135,7 @@ def _digest(path: Path) -> str:
 
 def _imports(path: Path) -> Iterator[str]:
     """Modules and names in import statements, wherever these stand; relative ones begin with their dots."""
-    for node in ast.walk(_tree(path)):
+    for node in ast.walk(syntax(path)):
         if isinstance(node, ast.Import):
             yield from (one.name for one in node.names)
         elif isinstance(node, ast.ImportFrom):

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from alloc.errors import InputError
-from alloc.sources import code_hash, path_of
+from alloc.sources import code_hash, path_of, syntax
 
 OWN, BELOW = "studies", ("alloc", "mpc")
 """The package whose definitions are followed one by one, and those that count by modules."""
@@ -79,17 +79,10 @@ def _plain(value: Any) -> Any:
 # modules of this package, read as text
 
 
-class _Bare(ast.NodeTransformer):
-    """Takes away strings that stand alone, which are docstrings."""
-
-    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
-        return None if isinstance(node.value, ast.Constant) else node
-
-
 @cache
 def _tree(module: str) -> ast.Module:
     path = path_of(module)
-    return _Bare().visit(ast.parse(path.read_bytes() if path else ""))
+    return syntax(path) if path else ast.Module([], [])
 
 
 @cache
