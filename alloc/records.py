@@ -83,7 +83,9 @@ class Record:
     def __post_init__(self) -> None:
         for found in (declared_faults(self), self._faults()):
             for fault in found:
-                raise self.error(f"{self.owner}: {fault}")
+                told = self.error(f"{self.owner}: {fault}")
+                told.fault = fault
+                raise told
 
     @property
     def owner(self) -> str:
