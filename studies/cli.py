@@ -399,7 +399,7 @@ def schema(kind: Literal["scenario", "train"] = "scenario", *, out: Path | None 
         kind: What the file describes.
         out: File to write instead.
     """
-    from alloc.sources import write_whole
+    from alloc.files import write_whole
     from studies import scenario
 
     text = json.dumps(scenario.schema(kind), indent=1) + "\n"

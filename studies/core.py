@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import closing, contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ import pandas as pd
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
-from alloc.sources import write_whole
+from alloc.files import write_whole
 from studies import StudyError, WorkerLost
 from studies.plugins import load_plugins, loaded_files
 from studies.row_key import key_of
@@ -128,7 +128,7 @@ def cores() -> int:
 
 def _done(
     tasks: Iterable[bytes], jobs: int, scheduler: str | None
-) -> Iterator[dict[str, list[Row]]]:
+) -> Generator[dict[str, list[Row]], None, None]:
     """Rows of each task as it is done: by this process, by processes of this machine, or by a Dask cluster."""
     files = loaded_files()
     if scheduler is None and jobs == 1:

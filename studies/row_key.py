@@ -2,8 +2,7 @@
 
 A study is one file, and its table, its figure and its words change more often than what it computes. So of a module of
 `studies` only those definitions count that the function names, and those that these name, wherever they stand. Of `alloc`
-and `mpc` whole modules count, with all that they import. Of a user's own file its whole folder counts: what helps it lies
-beside it.
+and `mpc` the whole package counts. Of a user's own file its whole folder counts: what helps it lies beside it.
 """
 
 import ast
@@ -14,16 +13,19 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, is_dataclass
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from alloc.compilation import ROOT
 from alloc.errors import InputError
-from alloc.sources import code_hash, path_of, syntax
 
 OWN, BELOW = "studies", ("alloc", "mpc")
-"""The package whose definitions are followed one by one, and those that count by modules."""
+"""The package whose definitions are followed one by one, and those that count as they are."""
+LIBRARIES = ("numpy", "numba", "llvmlite", "casadi", "osqp", "cvxpy")
+"""Installed packages whose versions count, beside that of Python."""
 DATA = (".csv", ".toml", ".npy", ".npz", ".mat", ".dat")
 """Files that lie beside a user's own and that it may read; a study's own count where it names them."""
 PASSED_OVER = {"__pycache__", "site-packages", "node_modules"}
@@ -44,19 +46,32 @@ def key_of(run: Callable[..., Any], args: tuple[Any, ...], sources: tuple[str, .
 def decides(function: Callable[..., Any], modules: tuple[str, ...] = ()) -> str:
     """Hash of the sources behind `function` and of `modules`, which are beside it."""
     seen: dict[Name, str] = {}
+    others = set(modules)
     left: list[Name] = [(function.__module__, function.__qualname__.partition(".")[0])]
     while left:
         module, name = left.pop()
-        if module.partition(".")[0] == OWN and (module, name) not in seen:
+        if module.partition(".")[0] != OWN:
+            others.add(module)
+        elif (module, name) not in seen:
             nodes = _definitions(module).get(name, [])
             seen[module, name] = "".join(map(ast.dump, nodes))
             left += [one for node in nodes for one in _named_in(node, module)]
-        elif module.partition(".")[0] != OWN:
-            modules = (*modules, module)
-    below = {one for one in modules if one.partition(".")[0] in BELOW}
-    others = {one if os.sep in one else _file(one) for one in set(modules) - below}
-    parts = [seen[one] for one in sorted(seen)] + [folder_hash(one) for one in sorted(others)]
-    return _hash("\n".join([*parts, code_hash(*sorted(below))]))
+    packages = {top for one in others if (top := one.partition(".")[0]) in BELOW}
+    files = {one if os.sep in one else str(getattr(sys.modules.get(one), "__file__", None) or "")
+             for one in others if one.partition(".")[0] not in BELOW}  # fmt: skip
+    parts = [seen[one] for one in sorted(seen)] + [folder_hash(one) for one in sorted(files)]
+    return _hash("\n".join([*parts, *map(_package_hash, sorted(packages))]))
+
+
+@cache
+def _package_hash(name: str) -> str:
+    """Hash of all that a package says, and of the libraries below it."""
+    files = sorted(one for one in (ROOT / name).rglob("*") if one.suffix in (".py", *DATA))
+    said = [
+        ast.dump(_syntax(one)) if one.suffix == ".py" else one.read_bytes().hex() for one in files
+    ]
+    versions = ["{}.{}".format(*sys.version_info), *map(version, LIBRARIES)]
+    return _hash("\n".join([*versions, *said]))
 
 
 def _hash(text: str) -> str:
@@ -79,10 +94,27 @@ def _plain(value: Any) -> Any:
 # modules of this package, read as text
 
 
+class _Bare(ast.NodeTransformer):
+    """Takes away strings that stand alone, which are docstrings."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
+        return None if isinstance(node.value, ast.Constant) else node
+
+
 @cache
+def _syntax(path: Path) -> ast.Module:
+    return _Bare().visit(ast.parse(path.read_bytes()))
+
+
+def path_of(module: str) -> Path:
+    """File of a module of the project."""
+    path = ROOT.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
 def _tree(module: str) -> ast.Module:
     path = path_of(module)
-    return syntax(path) if path else ast.Module([], [])
+    return _syntax(path) if path.is_file() else ast.Module([], [])
 
 
 @cache
@@ -124,16 +156,12 @@ def _named_in(node: ast.stmt, module: str) -> Iterator[Name]:
             target, name = imports[one.value.id]  # type: ignore[attr-defined]
             yield f"{target}.{name}".strip("."), one.attr  # of a module
         elif isinstance(one, ast.Constant) and str(one.value).endswith(DATA):
-            file = Path(str(path_of(module))).with_name(str(one.value))
+            file = path_of(module).with_name(str(one.value))
             if file.is_file():
                 yield str(file), ""
 
 
 # files of users, and data
-
-
-def _file(module: str) -> str:
-    return str(getattr(sys.modules.get(module), "__file__", None) or "")
 
 
 @cache

@@ -44,6 +44,10 @@ class Interval(NamedTuple):
         told = self.events >= SHOWN and self.low < self.high
         return f"{value} [{low}, {high}]" if told else value
 
+    def times(self, scale: float) -> "Interval":
+        """The same number in another unit."""
+        return Interval(scale * self.value, scale * self.low, scale * self.high, self.events)
+
 
 def _text(value: float, digits: int, sign: bool) -> str:
     """A number with the typographic minus, and without one before a zero."""
