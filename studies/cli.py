@@ -327,15 +327,11 @@ def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
         kind: One of these kinds alone.
         as_json: Print JSON instead.
     """
-    from studies.catalogue import KINDS
+    from studies.catalogue import kinds_of_names
     from studies.keys import near
 
-    def figures() -> dict[str, str]:
-        from paper_figs import all_figures
+    kinds = kinds_of_names()
 
-        return {name: one.caption for name, one in all_figures().items()}
-
-    kinds = KINDS | {"figures": figures}
     if kind not in (None, *kinds):
         raise StudyError(f"unknown kind {kind!r}{near(str(kind), kinds)}")
     found = {name: names() for name, names in kinds.items() if kind in (None, name)}

@@ -4,7 +4,6 @@ A scenario fixes what rules and controllers of a comparison share. The seed of `
 scatter of the rail, errors of sensors, lost telegrams, the phase of the receptivity, and what `[variation]` names.
 """
 
-import hashlib
 import json
 import math
 import re
@@ -19,7 +18,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from alloc import rail as plant
 from alloc.curves import CURVES, AdhesionCurve
-from alloc.event import DriverCommand, Event, canonical
+from alloc.event import DriverCommand, Event
 from alloc.laws import GRAVITY
 from alloc.onboard.settings import Belief, Onboard
 from alloc.records import meanings
@@ -163,12 +162,10 @@ class LineKeys(Keys):
 
     def line(self) -> plant.Line:
         """The plant's line."""
-        if not self.sections:
-            return plant.Line()
-        rows = [one.si() for one in self.sections]
-        start, grade = (tuple(row[name] for row in rows) for name in ("start", "grade"))
+        start = tuple(one.start_m for one in self.sections)
+        grade = tuple(1e-3 * one.grade_permille for one in self.sections)
         with in_words_of(self, "line.sections"):
-            return plant.Line(start, grade)
+            return plant.Line(start, grade) if start else plant.Line()
 
 
 # the driver, and what differs from day to day
@@ -416,17 +413,15 @@ class Scenario(Keys):
 
     @property
     def text(self) -> str:
-        """All that identifies the scenario, as JSON: the keys that were given, and what a train of one's own consists of."""
-        given = self.model_dump(mode="json", exclude_unset=True)
-        if isinstance(self.train, str) and self.train in SETS and self.train not in SETS.shipped():
-            given["train"] = [self.train, _digest(find_set(self.train))]
-        return json.dumps(given)
+        """All that identifies the scenario, as JSON: the keys that were given."""
+        return self.model_dump_json(exclude_unset=True)
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Modules of its adhesion curves, wherever they come from."""
+        """Modules of its adhesion curves and its train, wherever they come from."""
         curves = (self.rail.curve, self.belief.curve or self.rail.curve)
-        return tuple(dict.fromkeys(CURVES.origin(one.kind) for one in curves))
+        train = [SETS.origin(self.train)] if isinstance(self.train, str) else []
+        return tuple(dict.fromkeys([*(CURVES.origin(one.kind) for one in curves), *train]))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scenario) and self.text == other.text
@@ -435,17 +430,12 @@ class Scenario(Keys):
         return hash(self.text)
 
     def __reduce__(self) -> Any:  # tables of records have no name in a module
-        return _again, (self.model_dump_json(exclude_unset=True),)
+        return _again, (self.text,)
 
 
 @lru_cache(maxsize=256)
 def _again(text: str) -> Scenario:
     return Scenario.model_validate_json(text)
-
-
-@lru_cache(maxsize=32)
-def _digest(train: Train) -> str:
-    return hashlib.sha256(canonical(train).encode()).hexdigest()[:16]
 
 
 # files
