@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from alloc import units
 from alloc.errors import InputError
-from alloc.records import Meaning, meanings
+from alloc.records import ANY, Meaning, meanings
 from alloc.units import UNITS, unit_of
 from studies import StudyError
 
@@ -126,10 +126,15 @@ def keys_of(record: Any, *names: str) -> Any:
             found[item.name] = (table, table()) if inner is item.type else (several, ())
             continue
         stated: Any = item.type
+        of_file = next(one for one in UNITS if one.symbol == (unit or "1"))
+        limits, bounds = {}, item.metadata.get("bounds", ANY)
+        if stated in (float, float | None):
+            low = ("gt", bounds.above) if bounds.above > -math.inf else ("ge", bounds.least)
+            limits = {name: one / of_file.factor for name, one in (low, ("le", bounds.most))
+                      if math.isfinite(one)}  # fmt: skip
         required = item.default is MISSING
-        bound = Field(... if required else None, le=item.metadata.get("most"))
-        ending = next(one.ending for one in UNITS if one.symbol == (unit or "1"))
-        found[item.name + ending] = (stated if required else stated | None, bound)
+        bound = Field(... if required else None, **limits)
+        found[item.name + of_file.ending] = (stated if required else stated | None, bound)
     about = (record.__doc__ or "").partition("\n")[0]
     made: Any = create_model(f"{record.__name__}Keys", __base__=Keys, __doc__=about, **found)
     made.record = record
@@ -156,8 +161,8 @@ def built(keys: Any, path: str, **given: Any) -> Any:
 
 # faults that records find, told with the keys and the values of the file
 
-STATED = re.compile(r"(?<![\w.])((?:\w+\.)*\w+)((?:\[\d+\])?) = (\([^)]*\)|'[^']*'|[^\s,;]+)")
-"""A field, perhaps of a record within, its place in a list, and its value, as messages of records state them."""
+STATED = re.compile(r"(?<![\w.])((?:\w+\.)*\w+) = (\([^)]*\)|'[^']*'|[^\s,;]+)")
+"""A field, perhaps of a record within, and its value, as messages of records state them."""
 
 
 @contextmanager
@@ -173,21 +178,19 @@ def in_words_of(keys: Keys, path: str = "") -> Iterator[None]:
         raise StudyError(f"{path}: {told}" if path else told) from None
 
 
-def _in_words_of(keys: Any, field: str, place: str, value: str) -> str:
+def _in_words_of(keys: Any, field: str, value: str) -> str:
     """A statement about a field as one about its key; as it is where the table has no such key."""
     *tables, name = field.split(".")
     for one in tables:
         keys = getattr(keys, one, None) or keys
-    own = [key for key in (*type(keys).model_fields, *(keys.model_extra or ()))
-           if keys.field_of(key) == name]  # fmt: skip
-    for key in sorted(own, key=lambda one: getattr(keys, one) is None):  # what a file says first
-        given, factor = getattr(keys, key), unit_of(key).factor
-        if factor != 1.0 and not place and isinstance(given, float | None):
-            value = f"{float(value) / factor:.6g}"
-        elif isinstance(given, tuple) and not place:
-            value = repr(list(given))
-        return f"{'.'.join((*tables, key))}{place} = {value}"
-    return f"{field}{place} = {value}"
+    own = {key: getattr(keys, key) for key in (*type(keys).model_fields, *(keys.model_extra or ()))
+           if keys.field_of(key) == name}  # fmt: skip
+    for key, given in sorted(own.items(), key=lambda one: one[1] is None):  # what a file says first
+        if given is None and value[0].isdigit():  # the record's default
+            given = float(f"{float(value) / unit_of(key).factor:.6g}")
+        shown = value if given is None else repr(list(given) if isinstance(given, tuple) else given)
+        return f"{'.'.join((*tables, key))} = {shown}"
+    return f"{field} = {value}"
 
 
 def joined(path: str, key: str) -> str:

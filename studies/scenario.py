@@ -34,7 +34,6 @@ from studies.trains import MotorChange, TrainKeys, train_keys
 MOST_COEFFICIENT = 1.0
 """No dry or sanded rail carries a force as large as the wheel's load; measured coefficients stay below 0.7."""
 Increment = Annotated[float, Field(ge=-MOST_COEFFICIENT, le=MOST_COEFFICIENT)]
-_Patch: Any = keys_of(plant.Patch)
 _Receptivity: Any = keys_of(plant.Receptivity)
 
 
@@ -107,10 +106,12 @@ class Curve(Keys):
             return CURVES[self.kind](**self._given())
 
 
-class RailKeys(Keys):
+_Rail: Any = keys_of(plant.Rail, "patches", "scatter", "scatter_length", "conditioning")
+
+
+class RailKeys(_Rail):
     """The rail as it truly is: `level`, or `speed_law` with its `law_factor`."""
 
-    record = plant.Rail
     renamed: ClassVar = {"law_factor": "level"}
 
     level: float | None = Field(default=None, gt=0.0, le=MOST_COEFFICIENT)
@@ -120,10 +121,6 @@ class RailKeys(Keys):
     """Factor on the coefficient that `speed_law` gives; 1 is the law itself. Left out: `level` is given."""
     increments: Increments
     """Growth of the coefficient along the train. It is always said: law = "none", or "logarithmic" for JP5484215 (15)."""
-    patches: tuple[_Patch, ...] = Field(default=(), max_length=1000)
-    scatter: float = Field(default=0.0, ge=0.0, le=MOST_COEFFICIENT)
-    scatter_length_m: float | None = None
-    conditioning: float = Field(default=0.0, ge=0.0, le=10.0)
     curve: Curve = Curve()
 
     @model_validator(mode="after")
@@ -212,17 +209,16 @@ class Variation(Keys):
 # the train's computers
 
 
-class BeliefKeys(Keys):
-    """What the train believes where that differs from the truth."""
+_Belief: Any = keys_of(Belief, "mass_factor", "resistance_factor")
 
-    record = Belief
+
+class BeliefKeys(_Belief):
+    """What the train believes where that differs from the truth."""
 
     increments: Increments | None = None
     """Growth of the coefficient along the train. Left out: that of the rail."""
     curve: Curve | None = None
     """Adhesion curve. Left out: that of the rail."""
-    mass_factor: float | None = Field(default=None, le=100.0)
-    resistance_factor: float | None = Field(default=None, le=100.0)
 
     def belief(self, rail: RailKeys, axles: int) -> Belief:
         """The belief of a train of so many axles on this rail."""

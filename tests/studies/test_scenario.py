@@ -113,7 +113,7 @@ BAD = [
     ("rail.curve.residual_ratio", 2.0, "rail.curve: residual_ratio = 2.0 must be a finite number, 0 or greater, 0.999 at"),
     ("belief.increments", {"law": "given", "values": [0.1]}, "belief.increments.values: give one per axle, 32"),
     ("line.sections", [{"start_m": 0.0, "grade_permille": 1e6}], "key 'line.sections[1].grade_permille' = 1000000.0"),
-    ("receptivity.period_s", 0.0, "receptivity: period_s = 0.0 must be a finite number, greater than 0"),
+    ("receptivity.period_s", 0.0, "key 'receptivity.period_s' = 0.0: must be greater than 0"),
     ("onboard.telegrams.period_s", 1e-3, "onboard: period = 0.01 must not exceed telegrams.period_s = 0.001"),
     ("onboard.detector.on_kmhs", 0.5,
      "onboard.detector: off_kmhs = 2.7 must be below on_kmhs = 0.5"),
