@@ -149,7 +149,9 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
             controller,
             rule,
             mean(means[EFFORT, rule]),
-            *(less(name, rule, REFERENCE) for name in (EFFORT, "damage", "slip_time")),
+            less(EFFORT, rule, REFERENCE),
+            less("damage", rule, REFERENCE),
+            less("slip_time", rule, REFERENCE),
             float(over[rule]),
             rule in ranked and tied(rule),
             marks[rule] + "†" * (rule in failed),
@@ -203,8 +205,8 @@ def lines(found: Sequence[Standing]) -> list[str]:
     }
     text = "\n".join(said)
     said += ["", *(words for mark, words in marks.items() if mark in text)]
-    for one in informed([one.rule for one in found]):
-        said += wrap(one, 78, subsequent_indent="  ", break_on_hyphens=False)
+    for told in informed([one.rule for one in found]):
+        said += wrap(told, 78, subsequent_indent="  ", break_on_hyphens=False)
     return said
 
 
