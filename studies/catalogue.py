@@ -37,25 +37,25 @@ def find_study(name: str) -> Study:
     return study
 
 
-def kinds_of_names() -> dict[str, Callable[[], dict[str, str]]]:
-    """Kinds of things that a command takes by name, and what gives their names with a line of meaning."""
+def _trains() -> dict[str, str]:
+    trains = {name: find_set(name) for name in SETS}
+    return {name: f"{len(one.cars)} cars, {one.mass / 1e3:.0f} t" for name, one in trains.items()}
+
+
+def _figures() -> dict[str, str]:
     from paper_figs import all_figures  # draws the rows of studies: it stands above them
 
-    def trains() -> dict[str, str]:
-        made = {name: find_set(name) for name in SETS}
-        return {name: f"{len(one.cars)} cars, {one.mass / 1e3:.0f} t" for name, one in made.items()}
+    return {name: one.caption for name, one in all_figures().items()}
 
-    return {
-        "scenarios": lambda: {name: load(name).title for name in shipped()},
-        "rules": lambda: {name: one.description for name, one in RULES.items()},
-        "controllers": lambda: {name: one.meaning for name, one in CONTROLLERS.items()},
-        "curves": lambda: {
-            name: str(one.__doc__).partition("\n")[0] for name, one in CURVES.items()
-        },
-        "trains": trains,
-        "studies": lambda: {name: find_study(name).question for name in STUDIES},
-        "metrics": lambda: {
-            name: f"{one.description} [{one.unit}]" for name, one in METRICS.items()
-        },
-        "figures": lambda: {name: one.caption for name, one in all_figures().items()},
-    }
+
+KINDS: dict[str, Callable[[], dict[str, str]]] = {
+    "scenarios": lambda: {name: load(name).title for name in shipped()},
+    "rules": lambda: {name: one.description for name, one in RULES.items()},
+    "controllers": lambda: {name: one.meaning for name, one in CONTROLLERS.items()},
+    "curves": lambda: {name: str(one.__doc__).partition("\n")[0] for name, one in CURVES.items()},
+    "trains": _trains,
+    "studies": lambda: {name: find_study(name).question for name in STUDIES},
+    "metrics": lambda: {name: f"{one.description} [{one.unit}]" for name, one in METRICS.items()},
+    "figures": _figures,
+}
+"""Kinds of things that a command takes by name, and what gives their names with a line of meaning."""

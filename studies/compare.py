@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 import scipy
 
@@ -254,10 +255,11 @@ def as_json(rows: pd.DataFrame) -> dict[str, Any]:
     for (scenario, rule, law), own in rows.groupby(["scenario", "rule", "controller"], sort=False):
         good, bad = own.loc[own["status"] == "ok", names], own[own["status"] != "ok"]
         centre, n = good.mean(), good.count()
-        half = (good.sem() * scipy.stats.t.ppf(0.975, (n - 1).clip(1))).fillna(0.0)
+        half = good.std() * (scipy.stats.t.ppf(0.975, (n - 1).clip(1)) / np.sqrt(n))
         known = [name for name in names if n[name]]
         numbers = dict.fromkeys(names) | {
-            name: {"mean": float(centre[name]), "half_width": float(half[name])} for name in known
+            name: {"mean": float(centre[name]), "half_width": float(half.fillna(0.0)[name])}
+            for name in known
         }
         reasons = list(dict.fromkeys(bad["reason"]))
         about = {"scenario": scenario, "rule": rule, "controller": law, "seeds": len(own)}

@@ -103,7 +103,7 @@ class _Bare(ast.NodeTransformer):
 
 @cache
 def _syntax(path: Path) -> ast.Module:
-    return _Bare().visit(ast.parse(path.read_bytes()))
+    return _Bare().visit(ast.parse(path.read_bytes() if path.is_file() else b""))
 
 
 def path_of(module: str) -> Path:
@@ -112,16 +112,11 @@ def path_of(module: str) -> Path:
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-def _tree(module: str) -> ast.Module:
-    path = path_of(module)
-    return _syntax(path) if path.is_file() else ast.Module([], [])
-
-
 @cache
 def _definitions(module: str) -> dict[str, list[ast.stmt]]:
     """Top-level statements of a module by the names that they bind."""
     found: dict[str, list[ast.stmt]] = {}
-    for node in _tree(module).body:
+    for node in _syntax(path_of(module)).body:
         bound = [getattr(node, "name", "")]
         if not isinstance(node, ast.FunctionDef | ast.ClassDef):
             bound = [one.id for one in ast.walk(node)
@@ -135,11 +130,13 @@ def _definitions(module: str) -> dict[str, list[ast.stmt]]:
 def _imports(module: str) -> dict[str, Name]:
     """What names of a module are imported, wherever: the module that they are of, and the name there."""
     found: dict[str, Name] = {}
-    for node in ast.walk(_tree(module)):
-        if isinstance(node, ast.Import):
-            found |= {one.asname or one.name: (one.name, "") for one in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            found |= {one.asname or one.name: (str(node.module), one.name) for one in node.names}
+    for node in ast.walk(_syntax(path_of(module))):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            of = getattr(node, "module", "")
+            found |= {
+                one.asname or one.name: (of, one.name) if of else (one.name, "")
+                for one in node.names
+            }
     return {name: one for name, one in found.items() if one[0].partition(".")[0] in (OWN, *BELOW)}
 
 
@@ -147,11 +144,10 @@ def _named_in(node: ast.stmt, module: str) -> Iterator[Name]:
     """Definitions and data files that a statement of a module names."""
     own, imports = _definitions(module), _imports(module)
     for one in ast.walk(node):
-        if isinstance(one, ast.Name):
-            if one.id in own:
-                yield module, one.id
-            elif one.id in imports:
-                yield imports[one.id]
+        if isinstance(one, ast.Name) and one.id in own:
+            yield module, one.id
+        elif isinstance(one, ast.Name) and one.id in imports:
+            yield imports[one.id]
         elif isinstance(one, ast.Attribute) and getattr(one.value, "id", "") in imports:
             target, name = imports[one.value.id]  # type: ignore[attr-defined]
             yield f"{target}.{name}".strip("."), one.attr  # of a module
