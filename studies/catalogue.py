@@ -42,12 +42,6 @@ def _trains() -> dict[str, str]:
     return {name: f"{len(one.cars)} cars, {one.mass / 1e3:.0f} t" for name, one in trains.items()}
 
 
-def _figures() -> dict[str, str]:
-    from paper_figs import all_figures  # draws the rows of studies: it stands above them
-
-    return {name: one.caption for name, one in all_figures().items()}
-
-
 KINDS: dict[str, Callable[[], dict[str, str]]] = {
     "scenarios": lambda: {name: load(name).title for name in shipped()},
     "rules": lambda: {name: one.description for name, one in RULES.items()},
@@ -56,6 +50,5 @@ KINDS: dict[str, Callable[[], dict[str, str]]] = {
     "trains": _trains,
     "studies": lambda: {name: find_study(name).question for name in STUDIES},
     "metrics": lambda: {name: f"{one.description} [{one.unit}]" for name, one in METRICS.items()},
-    "figures": _figures,
 }
 """Kinds of things that a command takes by name, and what gives their names with a line of meaning."""

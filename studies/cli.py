@@ -327,12 +327,15 @@ def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
         kind: One of these kinds alone.
         as_json: Print JSON instead.
     """
+    import paper_figs
     from studies.catalogue import KINDS
     from studies.keys import near
 
-    if kind not in (None, *KINDS):
-        raise StudyError(f"unknown kind {kind!r}{near(str(kind), KINDS)}")
-    found = {name: names() for name, names in KINDS.items() if kind in (None, name)}
+    figures = paper_figs.all_figures
+    kinds = KINDS | {"figures": lambda: {name: one.caption for name, one in figures().items()}}
+    if kind not in (None, *kinds):
+        raise StudyError(f"unknown kind {kind!r}{near(str(kind), kinds)}")
+    found = {name: names() for name, names in kinds.items() if kind in (None, name)}
     if as_json:
         _print_json(found)
         return

@@ -142,7 +142,7 @@ def forest(
             face = "white" if k else colour
             axes.plot(x, y, "os"[k] + "-", color=colour, mfc=face, markevery=[1])
     axes.set_yticks(np.arange(len(rows)) + 0.125, rows)
-    axes.set_ylim(len(rows) - 0.4, -0.4)
+    axes.set_ylim(max(len(rows), 1) - 0.4, -0.4)
     if bound is not None:
         axes.axvline(bound, color="0.5", linewidth=0.8)
 
