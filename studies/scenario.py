@@ -416,7 +416,7 @@ class Scenario(Keys):
     def sources(self) -> tuple[str, ...]:
         """Modules of its adhesion curves and its train, wherever they come from."""
         curves = (self.rail.curve, self.belief.curve or self.rail.curve)
-        train = [SETS.origin(self.train)] if isinstance(self.train, str) else []
+        train = [SETS.origin(name) for name in SETS if name == self.train]
         return tuple(dict.fromkeys([*(CURVES.origin(one.kind) for one in curves), *train]))
 
     def __eq__(self, other: object) -> bool:
