@@ -4,6 +4,9 @@
 class InputError(ValueError):
     """The input is impossible; the message names it and says what to do."""
 
+    fault: str = ""
+    """The message of a record without the name of the record."""
+
 
 class PlantError(InputError):
     """A parameter of train, rail or line is impossible."""

@@ -120,13 +120,13 @@ class Rail(Record):
     """Stretches of rail, or spans of time, with another adhesion."""
     increments: tuple[float, ...] | None = quantity(None, "1", least=-math.inf)
     """Growth of the coefficient along the train, one value per axle from the front; None: zero. Source: JP5484215 (15)."""
-    scatter: float = quantity(0.0, "1")
+    scatter: float = quantity(0.0, "1", most=1.0)
     """Standard deviation of the coefficient along the rail. Source: JP5484215, par. on (12) to (15): 0.012."""
     scatter_length: float = quantity(20.0, "m", above=0.0)
     """Correlation length of the scatter. Source: assumed: a rail's length or a car's."""
     seed: int = quantity(0, "1")
     """Seed of the scatter."""
-    conditioning: float = quantity(0.0, "1")
+    conditioning: float = quantity(0.0, "1", most=10.0)
     """Relative gain of adhesion behind wheels that slip much. Source: JP4209318, par. 0051, without a number."""
     conditioning_slip: float = quantity(0.05, "1", above=0.0)
     """Slip ratio that cleans the rail to 63 %."""

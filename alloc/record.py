@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from alloc.columns import AXLE, BRAKE, CAR, RUN, UNIT
 from alloc.curves import tops
 from alloc.errors import UnsoundRun
-from alloc.sources import write_whole
+from alloc.files import write_whole
 from alloc.tables import Rows, words
 from alloc.world import World
 

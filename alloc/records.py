@@ -17,7 +17,6 @@ from textwrap import dedent
 from typing import Any, ClassVar, Literal, NamedTuple, get_args, get_origin
 
 from alloc.errors import InputError
-from alloc.units import UNITS
 
 NOT_IN_FILES = {"unit": None}
 """Metadata of a field that no scenario file sets."""
@@ -53,7 +52,6 @@ ANY = Bounds()
 def quantity(
     default: Any,
     unit: str,
-    names: Mapping[str, float] | None = None,
     *,
     above: float = -math.inf,
     least: float = 0.0,
@@ -62,13 +60,10 @@ def quantity(
 ) -> Any:
     """A number of a record, or several, kept in SI units as its bounds are; MISSING as `default`: there is none.
 
-    `unit`: that of the key in files, "1" for a pure number. `names`: values that have a name there. `infinite`: it may be.
+    `unit`: that of the key in files, "1" for a pure number. `infinite`: it may be.
     """
-    factor = next((one.factor for one in UNITS if one.symbol == unit), 1.0)
-    in_files = None if math.isinf(most) else most / factor
     bounds = Bounds(above, least, most, infinite)
-    said = {"unit": unit, "names": names or {}, "most": in_files, "bounds": bounds}
-    return field(default=default, metadata=said)
+    return field(default=default, metadata={"unit": unit, "bounds": bounds})
 
 
 @dataclass(frozen=True)
@@ -83,7 +78,9 @@ class Record:
     def __post_init__(self) -> None:
         for found in (declared_faults(self), self._faults()):
             for fault in found:
-                raise self.error(f"{self.owner}: {fault}")
+                told = self.error(f"{self.owner}: {fault}")
+                told.fault = fault
+                raise told
 
     @property
     def owner(self) -> str:

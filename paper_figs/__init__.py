@@ -10,7 +10,7 @@ import matplotlib as mpl
 import pandas as pd
 from matplotlib.figure import Figure
 
-from alloc.sources import write_whole
+from alloc.files import write_whole
 from paper_figs.style import Drawing
 from studies import StudyError
 from studies.keys import near

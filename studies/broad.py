@@ -19,9 +19,9 @@ from alloc.rules import RULES
 from alloc.train_rows import offered_by
 from studies import braking, claims, headroom, ladder
 from studies import events as e
-from studies.core import WIDE, Cell, Row, Study
+from studies.core import WIDE, Row, Study
 from studies.headroom import BASE, BOUND, COSTS
-from studies.runs import cell, complete, paired, run
+from studies.runs import complete, crossed, paired, run
 from studies.scenario import Increments, Scenario
 from studies.statistics import Claim, Statement, forest, judge, mean, means, share
 
@@ -141,16 +141,6 @@ def _grown(growth: Increments, scale: float) -> e.Keys:
 DRAWN = ("kind", "curve", "motors", "speed_kmh", "torque_lag_s", "speed_noise_kmh", "telegram_loss")  # fmt: skip
 
 
-def cells(events: int, seed: int) -> list[Cell]:
-    """Every event under every controller and its rules; its number is the seed of all of them."""
-    found = []
-    for k in range(events):
-        one, d = event(seed, k), draw(seed, k)
-        drawn = {name: d[name] for name in DRAWN}
-        found += [cell(one, rule, law, k, **drawn) for law, rule in product(CONTROLLERS, ARMS)]
-    return found
-
-
 # what comes out
 
 WORSE = 0.3
@@ -225,4 +215,5 @@ def figure(rows: pd.DataFrame) -> Figure:
 
 
 QUESTION = "What do rules and baselines gain over units that act alone where nothing was tuned?"
+cells = crossed(event, draw, DRAWN, ARMS, CONTROLLERS)
 STUDY = Study("broad", QUESTION, cells, run, table, figure, statements, events=140, seed=3100)

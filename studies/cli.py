@@ -39,6 +39,8 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 app.meta.suppress_keyboard_interrupt = False
+RETURNING: Any = {"exit_on_error": False, "print_error": False, "result_action": "return_value"}
+"""The library is to return and to raise, and to print nothing of its own."""
 
 # options
 
@@ -297,21 +299,19 @@ def figures(
     from studies.catalogue import find_study
 
     chosen = paper_figs.chosen_figures(names, source)
-    needed = sorted({one.study for one in chosen.values() if one.study})
-    lacking = [one for one in needed if not (results / one / "rows.parquet").is_file()]
-    if not names and source is None:
-        for study in lacking:
+    for study in sorted({one.study for one in chosen.values() if one.study}):
+        folder = results / study
+        if (folder / "rows.parquet").is_file():
+            continue
+        if not names and source is None:
             command = study if study == "compare" else f"sweep {study}"
             print(f"left out for want of rows: those of readhesion {command}")
-        chosen = {name: one for name, one in chosen.items() if one.study not in lacking}
-        lacking = []
-    for study in lacking:
-        folder = results / study
-        if study == "compare":
+            chosen = {name: one for name, one in chosen.items() if one.study != study}
+        elif study == "compare":
             raise StudyError(f"there are no rows in {folder}; run readhesion compare first")
-        if work.dry_run:
-            print(f"{study}: ", end="")
-        work.rows(find_study(study), folder)
+        else:
+            print(f"{study}: " * work.dry_run, end="")
+            work.rows(find_study(study), folder)
     if work.dry_run:
         print(f"{len(chosen)} figures to draw")
         return
@@ -327,15 +327,12 @@ def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
         kind: One of these kinds alone.
         as_json: Print JSON instead.
     """
+    import paper_figs
     from studies.catalogue import KINDS
     from studies.keys import near
 
-    def figures() -> dict[str, str]:
-        from paper_figs import all_figures
-
-        return {name: one.caption for name, one in all_figures().items()}
-
-    kinds = KINDS | {"figures": figures}
+    figures = paper_figs.all_figures
+    kinds = KINDS | {"figures": lambda: {name: one.caption for name, one in figures().items()}}
     if kind not in (None, *kinds):
         raise StudyError(f"unknown kind {kind!r}{near(str(kind), kinds)}")
     found = {name: names() for name, names in kinds.items() if kind in (None, name)}
@@ -399,7 +396,7 @@ def schema(kind: Literal["scenario", "train"] = "scenario", *, out: Path | None 
         kind: What the file describes.
         out: File to write instead.
     """
-    from alloc.sources import write_whole
+    from alloc.files import write_whole
     from studies import scenario
 
     text = json.dumps(scenario.schema(kind), indent=1) + "\n"
@@ -491,24 +488,15 @@ def launch(
         from studies.plugins import load_plugins
 
         load_plugins(plugin)
-    return app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+    return app(tokens, **RETURNING)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code. What goes wrong is one line on stderr."""
-    said: set[str] = set()
-
-    def warn(message: Warning | str, *_: object, **__: object) -> None:
-        if str(message) not in said:  # each once
-            said.add(str(message))
-            _say(str(message))
-
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = warn
-            code = app.meta(
-                arguments, exit_on_error=False, print_error=False, result_action="return_value"
-            )
+            warnings.showwarning = lambda message, *_, **__: _say(str(message))
+            code = app.meta(arguments, **RETURNING)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except BrokenPipeError:

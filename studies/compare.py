@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from alloc.metrics import METRICS
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
-from studies.core import Cell, Row, Study, StudyError
+from studies.core import WIDE, Cell, Row, Study, StudyError
 from studies.runs import cell, run
 from studies.scenario import Scenario, default_scenarios
-from studies.statistics import Interval, mean
+from studies.statistics import Interval, forest, mean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -118,37 +119,29 @@ class Standing(NamedTuple):
 
 def standings(rows: pd.DataFrame) -> list[Standing]:
     """Every rule under every controller, over the events that all its rules have; the best first, slow controllers last."""
-    found = []
-    good = rows[rows["status"] == "ok"]
-    laws = [str(one) for one in good["controller"].unique()]
-    for controller in laws:
-        found += _standings(rows[rows["controller"] == controller], controller)
-    return found
+    laws = rows.loc[rows["status"] == "ok", "controller"].unique()
+    return [one for law in laws for one in _standings(rows[rows["controller"] == law], str(law))]
 
 
 def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
     good, failed = rows[rows["status"] == "ok"], set(rows.loc[rows["status"] != "ok", "rule"])
-    wide = good.pivot(index=["scenario", "seed"], columns="rule", values=NUMBERS)
     rules = list(dict.fromkeys(good["rule"]))
-    wide = wide.loc[wide[EFFORT][rules].notna().all(axis=1)]
-    pairs = wide.index.get_level_values("scenario").nunique() < FEW
-    means = wide if pairs else wide.groupby(level="scenario").mean()
+    means = good.pivot(index=["scenario", "seed"], columns="rule", values=NUMBERS)
+    means = means.loc[means[EFFORT][rules].notna().all(axis=1)]  # rules are paired by seed
+    if means.index.get_level_values("scenario").nunique() >= FEW:
+        means = means.groupby(level="scenario").mean()
 
     def less(name: str, rule: str, other: str) -> Interval:
-        """Of a rule less another: paired by seed, then over events."""
-        if other not in rules:
-            return mean([])
-        apart = wide[name, rule] - wide[name, other]
-        return mean(apart if pairs else apart.groupby(level="scenario").mean())
+        return mean(means[name, rule] - means[name, other] if other in rules else [])
 
     over = means["over_delivery"].mean()
     marks = {rule: "°" if _knows_the_rail(rule) else "*" if over[rule] > MOST_OVER else ""
              for rule in rules}  # fmt: skip
     ranked = [rule for rule in rules if not marks[rule]]
-    best = means[EFFORT][ranked].mean().idxmax() if ranked else None
+    best = str(means[EFFORT][ranked].mean().idxmax()) if ranked else ""
 
     def tied(rule: str) -> bool:
-        behind = less(EFFORT, str(best), rule)
+        behind = less(EFFORT, best, rule)
         unsure = behind.events > 1 and not behind.low > 1e-9
         return rule == best or unsure or behind.value < NEGLIGIBLE
 
@@ -194,16 +187,10 @@ def lines(found: Sequence[Standing]) -> list[str]:
     said = []
     for controller in dict.fromkeys(one.controller for one in found):
         own = [one for one in found if one.controller == controller]
-        table = [HEAD] + [
-            (
-                one.name,
-                f"{100 * one.used.value:.1f}",
-                _short(one.gain, 2, 100.0),
-                _short(one.damage, 0),
-                _short(one.slip, 0),
-            )
-            for one in own
-        ]
+        table = [HEAD]
+        for one in own:
+            costs = _short(one.gain, 2, 100.0), _short(one.damage, 0), _short(one.slip, 0)
+            table.append((one.name, f"{100 * one.used.value:.1f}", *costs))
         shown = [k for k in range(len(HEAD)) if any(row[k] for row in table[1:])]
         widths = [max(len(row[k]) for row in table) for k in range(len(HEAD))]
         less = f", less {REFERENCE} with 95 % intervals" if 2 in shown else ""
@@ -219,8 +206,8 @@ def lines(found: Sequence[Standing]) -> list[str]:
     }
     text = "\n".join(said)
     said += ["", *(words for mark, words in marks.items() if mark in text)]
-    for one in informed([one.rule for one in found]):
-        said += wrap(one, 78, subsequent_indent="  ", break_on_hyphens=False)
+    for told in informed([one.rule for one in found]):
+        said += wrap(told, 78, subsequent_indent="  ", break_on_hyphens=False)
     return said
 
 
@@ -257,74 +244,46 @@ def answer(found: Sequence[Standing]) -> str:
         )
         gain = tied[0].gain.text(2, 100.0, sign=True)
         said.append(f"Under {controller}, {names} {told}: {gain} points over {REFERENCE}{ideal}.")
-    few = found and found[0].used.events < FEW
-    said += ["Intervals are over seeds of few events and say nothing of others."] * bool(
-        said and few
-    )
+    if said and found[0].used.events < FEW:
+        said.append("Intervals are over seeds of few events and say nothing of others.")
     return "\n".join(said) or f"Nothing was compared with {REFERENCE}: the table has the numbers."
 
 
 def as_json(rows: pd.DataFrame) -> dict[str, Any]:
     """What a program reads: about the comparison, the metrics, and every event under every rule and controller."""
-    names = [name for name in METRICS if name in rows]
-    found = []
+    names, found = [name for name in METRICS if name in rows], []
     for (scenario, rule, law), own in rows.groupby(["scenario", "rule", "controller"], sort=False):
-        good, bad = own[own["status"] == "ok"], own[own["status"] != "ok"]
-        numbers = {}
-        for name in names:
-            x = good[name].dropna()
-            spread = x.std() * _student(len(x)) if len(x) > 1 else 0.0
-            numbers[name] = (
-                {"mean": float(x.mean()), "half_width": float(spread)} if len(x) else None
-            )
-        found.append(
-            {
-                "scenario": scenario,
-                "rule": rule,
-                "controller": law,
-                "seeds": len(own),
-                "failed": len(bad),
-                "reasons": list(dict.fromkeys(bad["reason"])),
-                "metrics": numbers,
-            }
-        )
-    about = {"runs": len(rows), "answer": answer(standings(rows)).splitlines()}
+        good, bad = own.loc[own["status"] == "ok", names], own[own["status"] != "ok"]
+        centre, n = good.mean(), good.count()
+        half = good.std() * (scipy.stats.t.ppf(0.975, (n - 1).clip(1)) / np.sqrt(n))
+        known = [name for name in names if n[name]]
+        numbers = dict.fromkeys(names) | {
+            name: {"mean": float(centre[name]), "half_width": float(half.fillna(0.0)[name])}
+            for name in known
+        }
+        reasons = list(dict.fromkeys(bad["reason"]))
+        about = {"scenario": scenario, "rule": rule, "controller": law, "seeds": len(own)}
+        found.append(about | {"failed": len(bad), "reasons": reasons, "metrics": numbers})
     metrics = {name: {"unit": METRICS[name].unit, "description": METRICS[name].description}
                for name in names}  # fmt: skip
-    table = frame(standings(rows)).to_dict(orient="records")
-    return {"about": about, "metrics": metrics, "standings": table, "rows": found}
-
-
-def _student(count: int) -> float:
-    """Factor from the standard deviation of `count` values to half the width of their mean's 95 % interval."""
-    from scipy.stats import t
-
-    return float(t.ppf(0.975, count - 1) / np.sqrt(count))
+    table = standings(rows)
+    return {
+        "about": {"runs": len(rows), "answer": answer(table).splitlines()},
+        "metrics": metrics,
+        "standings": frame(table).to_dict(orient="records"),
+        "rows": found,
+    }
 
 
 def figure(found: Sequence[Standing]) -> "Figure":
     """Points of the bound over `alone` with intervals, rule by rule, a panel for each controller."""
-    laws = list(dict.fromkeys(one.controller for one in found))
-    rules = list(dict.fromkeys(one.rule for one in found if one.rule != REFERENCE))[::-1]
     from matplotlib.figure import Figure
 
-    height = 0.2 * len(rules) + 0.9
-    drawn = Figure(figsize=(min(7.16, 2.2 * len(laws) + 1.0), height), layout="constrained")
-    panels = drawn.subplots(1, max(1, len(laws)), sharey=True, squeeze=False)[0]
-    for axes, law in zip(panels, laws, strict=False):
-        for one in found:
-            if one.controller == law and one.rule != REFERENCE and one.gain.events:
-                value, low, high = (100.0 * number for number in one.gain[:3])
-                ends = [[value - low], [high - value]] if low < high else None
-                axes.errorbar(
-                    value,
-                    rules.index(one.rule),
-                    xerr=ends,
-                    color=RULES[one.rule].colour if one.rule in RULES else None,
-                    marker=RULES[one.rule].marker if one.rule in RULES else "o",
-                    markerfacecolor="none" if one.mark else None,
-                )
-        axes.axvline(0.0, color="0.6", linewidth=0.8)
+    laws = list(dict.fromkeys(one.controller for one in found))
+    height = 0.2 * len({one.rule for one in found}) + 0.9
+    drawn = Figure(figsize=(min(WIDE, 2.2 * len(laws) + 1.0), height), layout="constrained")
+    for axes, law in zip(drawn.subplots(1, len(laws), squeeze=False)[0], laws, strict=True):
+        own = [one for one in found if one.controller == law and one.rule != REFERENCE]
+        forest(axes, {one.rule: [one.gain.times(100.0)] for one in own}, RULES, 0.0)
         axes.set(title=law, xlabel=f"points over {REFERENCE}")
-        axes.set_yticks(range(len(rules)), rules)
     return drawn

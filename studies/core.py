@@ -1,13 +1,11 @@
 """Studies: cells run in parallel, rows kept as they come, then a table, a figure and statements.
 
-A study is one file that ends with a `Study`. Each batch of rows becomes one parquet file in the folder `parts`, written
-aside and renamed under a name of its own. So a killed program loses the batches that were running, two writers do no harm
-to each other, and the union of two folders is a copy of their files. A cell is known by what decides its rows, see
-`studies.row_key`; what is there is not run again.
+A study is one file that ends with a `Study`. The rows of a cell become a line of a file that is only added to. So a killed
+program loses the cells that were running, two writers do no harm to each other, and the union of two folders is one file
+behind the other. A cell is known by what decides its rows, see `studies.row_key`; what is there is not run again.
 """
 
-import hashlib
-import io
+import json
 import multiprocessing
 import os
 import pickle
@@ -16,25 +14,22 @@ import sys
 import threading
 import time
 import traceback
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import closing, contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
-from alloc.sources import write_whole
+from alloc.files import write_whole
 from studies import StudyError, WorkerLost
 from studies.plugins import load_plugins, loaded_files
-from studies.row_key import decides, key_of
+from studies.row_key import key_of
 from studies.statistics import Statement, statement_table
 
 if TYPE_CHECKING:
@@ -84,81 +79,34 @@ class Study:
 
 # rows that are kept
 
-FLUSH = 2.0
-"""Rows are written at least this often [s]."""
-MANY = 64
-"""Files that a finished run joins into one."""
+ROWS = "rows.jsonl"
+"""File of a study's folder: a line for each cell that was run, with its key and its rows; it is only added to."""
 BOOKKEEPING = ("cell", "name", "status", "reason", "wall_time", "batch")
-"""Columns that every row has: its cell's key and name; ok, failed or degraded, and why; seconds; when it was written."""
+"""Columns that every row has: its cell's key and name; ok, failed or degraded, and why; seconds; when it was made [ns]."""
 
 
-class Rows:
-    """The rows of a study in a folder."""
-
-    def __init__(self, folder: str | Path) -> None:
-        self.parts = Path(folder) / "parts"
-
-    def _paths(self) -> list[Path]:
-        return sorted(self.parts.glob("[0-9]*.parquet"))  # by time
-
-    def read(self) -> pd.DataFrame:
-        """All rows; of a cell those that were written last. A damaged file is left out, with a warning."""
-        while True:
-            try:
-                found = [table for path in self._paths() if (table := _part(path)) is not None]
-                break
-            except FileNotFoundError:  # another writer has joined it to others
-                continue
-        if not found:
-            return pd.DataFrame(columns=list(BOOKKEEPING))
-        rows = pa.concat_tables(found, promote_options="permissive").to_pandas()
-        last = rows.groupby("cell")["batch"].transform("max")
-        return rows[rows["batch"] == last].drop_duplicates().reset_index(drop=True)
-
-    def add(self, rows: Sequence[Row]) -> None:
-        """Keep rows, in one new file. Raises `StudyError` where it cannot be written."""
-        if rows:
-            self._write(pd.DataFrame(rows).assign(batch=time.time_ns()))
-
-    def join(self) -> None:
-        """Make one file of many; a reader that meets this reads again."""
-        paths = self._paths()
-        if len(paths) > MANY:
-            self._write(self.read())
-            for path in paths:
-                path.unlink(missing_ok=True)
-
-    def _write(self, table: pd.DataFrame) -> None:
-        """As a file whose name has the time and the digest of its content."""
-        buffer = io.BytesIO()
-        table.to_parquet(buffer, index=False)
-        content = buffer.getvalue()
-        path = self.parts / f"{time.time_ns()}-{_digest(content)}.parquet"
-        try:
-            self.parts.mkdir(parents=True, exist_ok=True)
-            write_whole(path, lambda aside: aside.write_bytes(content))
-        except OSError as error:
-            told = f"{self.parts}: rows cannot be written there ({error.strerror})"
-            raise StudyError(told) from None
+def kept_rows(folder: str | Path) -> dict[str, list[Row]]:
+    """Rows by their cell's key, of a cell those that were added last. A line that was cut off is passed over."""
+    path, found = Path(folder) / ROWS, dict[str, list[Row]]()
+    for line in path.read_bytes().splitlines() if path.exists() else ():
+        with suppress(ValueError, KeyError, TypeError):
+            one = json.loads(line)
+            found[one["cell"]] = one["rows"]
+    return found
 
 
-def _part(path: Path) -> pa.Table | None:
-    """The table of a file; None of one that is damaged. Parquet's own checksums leave out what describes the columns."""
-    content = path.read_bytes()
+def _keep(folder: str | Path, made: Mapping[str, list[Row]]) -> None:
+    """Add rows of cells, all at once, so that several programs can. Raises `StudyError` where they cannot be written."""
+    lines = [json.dumps({"cell": key, "rows": rows}, default=lambda one: one.tolist())
+             for key, rows in made.items()]  # fmt: skip
     try:
-        if _digest(content) != path.stem.rpartition("-")[2]:
-            raise ValueError("its content is not what was written")
-        return pq.read_table(io.BytesIO(content))
-    except (OSError, pa.ArrowException, ValueError) as error:
-        warnings.warn(
-            f"{path} is damaged ({in_one_line(error)}): it is left out, and its cells are run again; delete it",
-            stacklevel=4,
-        )
-        return None
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()[:16]
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        with open(Path(folder) / ROWS, "ab") as file:
+            # an empty line first: the last one may have been cut off where a disk was full
+            file.write("\n".join(["", *lines, ""]).encode())
+    except OSError as error:
+        told = f"{folder}: rows cannot be written there ({error.strerror})"
+        raise StudyError(told) from None
 
 
 def in_one_line(error: BaseException) -> str:
@@ -171,8 +119,6 @@ def in_one_line(error: BaseException) -> str:
 
 REACHED = 10
 """Seconds within which a scheduler answers and has a worker."""
-AHEAD = 2
-"""Tasks on their way for each worker, so that none waits."""
 
 
 def cores() -> int:
@@ -180,50 +126,55 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-class _Here(Executor):
-    """Does a task at once, in this process."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **options: Any) -> Future[Any]:
-        done: Future[Any] = Future()
-        done.set_result(fn(*args, **options))
-        return done
-
-
-@contextmanager
-def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[tuple[Executor, int]]:
-    """An executor, and how many tasks it is to have: this process, processes of this machine, or a Dask cluster."""
-    if scheduler is not None:
-        with _cluster(scheduler) as found:
-            yield found
-    elif jobs == 1:
-        yield _Here(), 1
-    else:
-        # never forked from here: a thread of this program may hold a lock that a fork would wait for
-        server = "forkserver" if sys.platform == "linux" else "spawn"
-        context = multiprocessing.get_context(server)
-        if server == "forkserver":
-            context.set_forkserver_preload(["studies.runs"])
-        before = set(multiprocessing.active_children())
-        pool = ProcessPoolExecutor(jobs, context, _begin, (loaded_files(),))
-        try:
-            yield pool, AHEAD * jobs
-        except BaseException:
-            for process in set(multiprocessing.active_children()) - before:
-                process.kill()
-            raise
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+def _done(
+    tasks: Iterable[bytes], jobs: int, scheduler: str | None
+) -> Generator[dict[str, list[Row]], None, None]:
+    """Rows of each task as it is done: by this process, by processes of this machine, or by a Dask cluster."""
+    files = loaded_files()
+    if scheduler is None and jobs == 1:
+        yield from (_do(one, files) for one in tasks)
+        return
+    with _processes(jobs) if scheduler is None else _cluster(scheduler) as pool:
+        for one in as_completed([pool.submit(_do, task, files) for task in tasks]):
+            try:
+                yield one.result()
+            except (
+                Exception
+            ) as error:  # what a cell raises is a row: a worker was lost, or what it was given
+                raise WorkerLost(
+                    f"a worker was lost ({in_one_line(error)}); what was computed is kept: run again, with fewer jobs if "
+                    'memory was short. A script that asks for jobs does so under if __name__ == "__main__"'
+                ) from None
 
 
 @contextmanager
-def _cluster(scheduler: str) -> Iterator[tuple[Executor, int]]:
+def _processes(jobs: int) -> Iterator[Executor]:
+    """Processes, which are killed where the work is broken off."""
+    # never forked from here: a thread of this program may hold a lock that a fork would wait for
+    context = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
+    if sys.platform == "linux":
+        context.set_forkserver_preload(["studies.runs"])
+    before = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(jobs, context, _begin)
+    try:
+        yield pool
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - before:
+            process.kill()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _cluster(scheduler: str) -> Iterator[Executor]:
     """The workers of a Dask scheduler, by its address or by the file that it wrote."""
     try:
         from distributed import Client
     except ImportError:
         told = "--scheduler needs the package 'distributed': pip install distributed"
         raise StudyError(told) from None
-    given = {"scheduler_file": scheduler} if os.path.isfile(scheduler) else {"address": scheduler}
+    given = {"scheduler_file" if os.path.isfile(scheduler) else "address": scheduler}
     try:
         client = Client(**given, timeout=REACHED, set_as_default=False)
         client.wait_for_workers(1, timeout=REACHED)
@@ -231,12 +182,11 @@ def _cluster(scheduler: str) -> Iterator[tuple[Executor, int]]:
         told = f"--scheduler {scheduler}: nobody works there ({in_one_line(error)})"
         raise StudyError(told) from None
     with client:
-        threads = sum(client.nthreads().values())
-        yield client.get_executor(pure=False, retries=3), AHEAD * threads
+        yield client.get_executor(pure=False, retries=3)
 
 
-def _begin(plugins: Sequence[str]) -> None:
-    """A worker loads the user's files, leaves signals to its parent, and ends when that ends, however."""
+def _begin() -> None:
+    """A worker leaves signals to its parent, and ends when that ends, however."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
@@ -247,15 +197,12 @@ def _begin(plugins: Sequence[str]) -> None:
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
-    load_plugins(plugins)
 
 
 # running
 
-BATCH_TIME = 1.0
-"""Seconds of work that are handed out together; handing out takes milliseconds."""
-LARGEST = 64
-"""Cells that are handed out together at most."""
+TOGETHER = 8
+"""Cells that are handed out together at most; neighbours share what they prepare."""
 
 
 def run_study(
@@ -273,90 +220,54 @@ def run_study(
     `jobs`: processes of this machine; `scheduler`: address of a Dask scheduler, or its file. A cell that fails is a row with
     its reason. Raises `StudyError` where rows cannot be kept, `WorkerLost` where a worker ended; both keep what is done.
     """
-    cells, rows = study.keyed(events, seed), Rows(folder)
-    have = rows.read()
-    done = set(have["cell"] if not retry_failed else have.loc[have["status"] != "failed", "cell"])
-    todo = [(key, cell) for key, cell in cells.items() if key not in done]
-    if todo:
-        at_once = workers(min(jobs, len(todo)), scheduler)
-        with _progress(study.name, len(cells), quiet) as tell, at_once as (pool, ahead):
-            tell(len(cells) - len(todo))
-            _run(study.run, todo, rows, pool, ahead, tell)
-        rows.join()
-        have = rows.read()
-    # what cells say of themselves is said anew: a label may have changed since the rows were computed
-    told = pd.DataFrame(
-        {"cell": key, "name": one.name, **one.columns} for key, one in cells.items()
+    cells, rows = study.keyed(events, seed), kept_rows(folder)
+    again = (
+        {key for key, own in rows.items() if own[:1] and own[0]["status"] == "failed"}
+        if retry_failed
+        else set()
     )
-    own = have.drop(columns=[name for name in told if name != "cell" and name in have])
-    return told.merge(own, on="cell") if cells else own
+    todo = [one for one in cells.items() if one[0] not in rows or one[0] in again]
+    size = min(TOGETHER, len(todo) // (8 * jobs) + 1)
+    tasks = (pickle.dumps((study.run, todo[k : k + size])) for k in range(0, len(todo), size))
+    if todo:
+        with (
+            _progress(study.name, len(cells), quiet) as tell,
+            closing(_done(tasks, min(jobs, len(todo)), scheduler)) as done,
+        ):
+            tell(len(cells) - len(todo))
+            for made in done:
+                _keep(folder, made)
+                rows |= made
+                tell(len(made))
+    # what cells say of themselves is said anew: a label may have changed since the rows were computed
+    own = {key: {"cell": key, "name": one.name, **one.columns} for key, one in cells.items()}
+    found = pd.DataFrame(
+        said | row | said for key, said in own.items() for row in rows.get(key, ())
+    )
+    return found if len(found) else pd.DataFrame(columns=list(BOOKKEEPING))
 
 
-def _run(
-    run: Callable[..., Any],
-    left: list[tuple[str, Cell]],
-    rows: Rows,
-    pool: Executor,
-    ahead: int,
-    tell: Callable[[int], None],
-) -> None:
-    """Do what is left in batches of about `BATCH_TIME`; rows are kept every `FLUSH` seconds, and at the end."""
-    files, running, pending = loaded_files(), set[Future[list[Row]]](), list[Row]()
-    size, flushed = 1, time.monotonic()
-    try:
-        while left or running:
-            while left and len(running) < ahead:
-                batch, left = left[:size], left[size:]
-                task = [(key, one, decides(run, one.sources)) for key, one in batch]
-                running.add(pool.submit(_do, pickle.dumps((run, task)), files))
-            done, running = wait(running, timeout=FLUSH, return_when=FIRST_COMPLETED)
-            for one in done:
-                pending += (made := _made(one))
-                tell(len({row["cell"] for row in made}))
-                spent = max(1e-3, float(np.mean([row["wall_time"] for row in made])))
-                # the last batches are small, lest one is late
-                size = max(1, min(int(BATCH_TIME / spent), LARGEST, len(left) // (2 * ahead)))
-            if pending and time.monotonic() - flushed > FLUSH:
-                rows.add(pending)
-                pending, flushed = [], time.monotonic()
-    finally:
-        rows.add(pending)
-
-
-def _made(future: Future[list[Row]]) -> list[Row]:
-    try:
-        return future.result()
-    except StudyError:
-        raise
-    except Exception as error:
-        # what a cell raises is a row: a worker was lost, or what it was given
-        raise WorkerLost(
-            f"a worker was lost ({in_one_line(error)}); what was computed is kept: run again, with fewer jobs if memory "
-            'was short. A script that asks for jobs does so under if __name__ == "__main__"'
-        ) from None
-
-
-def _do(task: bytes, plugins: Sequence[str]) -> list[Row]:
-    """The rows of some cells, in a worker. What goes wrong in a cell is its row."""
-    load_plugins(plugins)
+def _do(task: bytes, plugins: Sequence[str]) -> dict[str, list[Row]]:
+    """The rows of some cells by their keys. What goes wrong in a cell is its row."""
+    load_plugins(plugins)  # before their functions are unpickled
     run, cells = pickle.loads(task)
-    found = []
-    for key, cell, code in cells:
+    found = {}
+    for key, cell in cells:
         start = time.perf_counter()
         rows: list[Row]
         try:
-            if decides(run, cell.sources) != code:
+            if key_of(run, cell.args, cell.sources) != key:
                 raise StudyError("the sources changed while the study ran; run it again")
             with redirect_stdout(sys.stderr):  # where a part prints; stdout is for results
                 made = run(*cell.args)
-            rows = list(made) if isinstance(made, list) else [made]
+            rows = made if isinstance(made, list) else [made]
         except Exception as error:
             at = traceback.extract_tb(error.__traceback__)[-1]
             place = f"{Path(at.filename).name}:{at.lineno}"
             rows = [{"status": "failed", "reason": f"{in_one_line(error)} (at {place})"}]
-        own = {"cell": key, "name": cell.name, **cell.columns, "status": "ok", "reason": ""}
-        own["wall_time"] = (time.perf_counter() - start) / max(1, len(rows))
-        found += [own | row for row in rows]
+        spent = (time.perf_counter() - start) / max(1, len(rows))
+        own = {"status": "ok", "reason": "", "wall_time": spent}
+        found[key] = [own | row | {"batch": time.time_ns()} for row in rows]
     return found
 
 
@@ -373,8 +284,9 @@ def missing(
     study: Study, folder: str | Path, events: int | None, seed: int | None
 ) -> tuple[int, int, float]:
     """Number of a study's cells, of those that `folder` lacks, and mean seconds of a stored row (nan without any)."""
-    cells, have = study.keyed(events, seed), Rows(folder).read()
-    return len(cells), len(set(cells) - set(have["cell"])), float(have["wall_time"].mean())
+    cells, have = study.keyed(events, seed), kept_rows(folder)
+    spent = [row["wall_time"] for rows in have.values() for row in rows]
+    return len(cells), len(set(cells) - set(have)), float(np.mean(spent)) if spent else np.nan
 
 
 # what is written

@@ -16,8 +16,8 @@ from alloc.metrics import train_bounds
 from alloc.train_rows import rows_of
 from studies import events as e
 from studies.claims import CONTROLLERS, table_of
-from studies.core import Cell, Row, Study
-from studies.runs import cell, complete, paired, run
+from studies.core import Row, Study
+from studies.runs import complete, crossed, paired, run
 from studies.scenario import Scenario, load
 from studies.statistics import Claim, Numbers, Statement, judge, linearised
 
@@ -136,16 +136,6 @@ def measure(found: xr.Dataset) -> Row:
 DRAWN = ("train", "source", "curve")
 
 
-def cells(events: int, seed: int) -> list[Cell]:
-    """Every event under every rule and controller; its number is the seed of all of them."""
-    found = []
-    for k in range(events):
-        one, drawn = event(seed, k), {name: draw(seed, k)[name] for name in DRAWN}
-        found += [cell(one, rule, law, k, measure, **drawn)
-                  for law in CONTROLLERS for rule in (BASE, *SHARERS, BOUND)]  # fmt: skip
-    return found
-
-
 # what comes out
 
 GOAL, SHARE, EXCESS = 99.5, 80.0, 0.5
@@ -224,4 +214,5 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 QUESTION = "What does each rule gain where there is something to gain, and what does it cost?"
+cells = crossed(event, draw, DRAWN, (BASE, *SHARERS, BOUND), CONTROLLERS, measure)
 STUDY = Study("headroom", QUESTION, cells, run, table, statements=statements, events=300, seed=200)

@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from alloc import units
 from alloc.errors import InputError
-from alloc.records import Meaning, meanings
+from alloc.records import ANY, Meaning, meanings
 from alloc.units import UNITS, unit_of
 from studies import StudyError
 
@@ -126,10 +126,15 @@ def keys_of(record: Any, *names: str) -> Any:
             found[item.name] = (table, table()) if inner is item.type else (several, ())
             continue
         stated: Any = item.type
+        of_file = next(one for one in UNITS if one.symbol == (unit or "1"))
+        limits, bounds = {}, item.metadata.get("bounds", ANY)
+        if stated in (float, float | None):
+            low = ("gt", bounds.above) if bounds.above > -math.inf else ("ge", bounds.least)
+            limits = {name: one / of_file.factor for name, one in (low, ("le", bounds.most))
+                      if math.isfinite(one)}  # fmt: skip
         required = item.default is MISSING
-        bound = Field(... if required else None, le=item.metadata.get("most"))
-        ending = next(one.ending for one in UNITS if one.symbol == (unit or "1"))
-        found[item.name + ending] = (stated if required else stated | None, bound)
+        bound = Field(... if required else None, **limits)
+        found[item.name + of_file.ending] = (stated if required else stated | None, bound)
     about = (record.__doc__ or "").partition("\n")[0]
     made: Any = create_model(f"{record.__name__}Keys", __base__=Keys, __doc__=about, **found)
     made.record = record
@@ -146,21 +151,18 @@ def built(keys: Any, path: str, **given: Any) -> Any:
     """The record of a table at `path` of the file; fields that no file says are `given`. Raises `StudyError`."""
     values = keys.si()
     for key, value in keys:
-        tables = [(one, f"{path}.{key}[{k}]") for k, one in enumerate(_tables(value), 1)]
-        if tables and isinstance(value, tuple):
-            values[key] = tuple(built(*one) for one in tables)
-        elif tables and value.record:
-            values[key] = built(value, f"{path}.{key}")
+        made = [built(one, f"{joined(path, key)}[{k}]" if isinstance(value, tuple) else joined(path, key))
+                for k, one in enumerate(_tables(value), 1) if one.record]  # fmt: skip
+        if made:
+            values[key] = tuple(made) if isinstance(value, tuple) else made[0]
     with in_words_of(keys, path):
         return keys.record(**values | given)
 
 
 # faults that records find, told with the keys and the values of the file
 
-STATED = re.compile(r"(?<![\w.])((?:\w+\.)*\w+)(?:\[(\d+)\])? = (\([^)]*\)|'[^']*'|[^\s,;]+)")
-"""A field, perhaps of a record within, its place in a list from 0, and its value, as messages of records state them."""
-OWNER = re.compile(r"(?:([\w ]+(?:'[^']*')?): )?(.*)")
-"""The kind of record that a message begins with, and the rest."""
+STATED = re.compile(r"(?<![\w.])((?:\w+\.)*\w+) = (\([^)]*\)|'[^']*'|[^\s,;]+)")
+"""A field, perhaps of a record within, and its value, as messages of records state them."""
 
 
 @contextmanager
@@ -168,33 +170,27 @@ def in_words_of(keys: Keys, path: str = "") -> Iterator[None]:
     """Raise `StudyError` for a fault that a record finds, in the words of the table at `path` from which it is made."""
     try:
         yield
+    except StudyError:
+        raise
     except InputError as error:
-        if isinstance(error, StudyError):
-            raise
-        told = STATED.sub(lambda found: _in_words_of(keys, path, found), str(error))
-        owner, reason = OWNER.fullmatch(told).groups()  # type: ignore[union-attr]
-        if told != str(error):  # the key says whose it is
-            raise StudyError(reason) from None
-        place = joined(path, owner) if owner in type(keys).model_fields else path or owner
-        raise StudyError(f"{place}: {reason}" if place else reason) from None
+        said = error.fault or str(error)
+        told = STATED.sub(lambda found: _in_words_of(keys, *found.groups()), said)
+        raise StudyError(f"{path}: {told}" if path else told) from None
 
 
-def _in_words_of(keys: Keys, path: str, found: re.Match[str]) -> str:
-    """A statement about a field as one about its key in the table; as it is where the table has no such key."""
-    field, place, value = found.groups()
+def _in_words_of(keys: Any, field: str, value: str) -> str:
+    """A statement about a field as one about its key; as it is where the table has no such key."""
     *tables, name = field.split(".")
     for one in tables:
-        keys, path = getattr(keys, one, None) or keys, joined(path, one)
-    known = [*type(keys).model_fields, *(keys.model_extra or ())]
-    own = {key: getattr(keys, key) for key in known if keys.field_of(key) == name}
+        keys = getattr(keys, one, None) or keys
+    own = {key: getattr(keys, key) for key in (*type(keys).model_fields, *(keys.model_extra or ()))
+           if keys.field_of(key) == name}  # fmt: skip
     for key, given in sorted(own.items(), key=lambda one: one[1] is None):  # what a file says first
-        number = f"[{int(place) + 1}]" if place else ""
-        if isinstance(given, tuple):
-            given = given[int(place)] if place else list(given)
-        elif given is None and re.fullmatch(r"-?\d[\d.e+-]*", value):  # the record's default
+        if given is None and value[0].isdigit():  # the record's default
             given = float(f"{float(value) / unit_of(key).factor:.6g}")
-        return f"{joined(path, key)}{number} = {value if given is None else repr(given)}"
-    return found[0]
+        shown = value if given is None else repr(list(given) if isinstance(given, tuple) else given)
+        return f"{'.'.join((*tables, key))} = {shown}"
+    return f"{field} = {value}"
 
 
 def joined(path: str, key: str) -> str:
@@ -213,31 +209,17 @@ def told_of(source: object) -> Iterator[None]:
 
 # files
 
-MOST_BYTES = 1_000_000
-DEEP = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){20}""")
-"""A key of more parts than tables are nested, for which the library would take all memory."""
-
 
 def read_toml(path: str | Path) -> dict[str, Any]:
     """Unchecked keys of a file; raises `StudyError` with the reason why there are none."""
+    if not Path(path).is_file():  # a pipe or a device might never end
+        there = Path(path).exists()
+        raise StudyError("this is no regular file" if there else "there is no such file")
     try:
-        if not Path(path).is_file():  # a pipe or a device might never end
-            there = Path(path).exists()
-            raise StudyError("this is no regular file" if there else "there is no such file")
-        with open(path, "rb") as file:
-            content = file.read(MOST_BYTES + 1)
-        if len(content) > MOST_BYTES:
-            raise StudyError(f"the file has more than {MOST_BYTES} bytes; give a smaller one")
-        text = content.decode("utf-8-sig")
+        return tomllib.loads(Path(path).read_text("utf-8-sig"))
     except OSError as error:
         raise StudyError(f"cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise StudyError(f"this is no text in UTF-8: {error}") from None
-    if DEEP.search(text):
-        raise StudyError("tables are nested too deeply")
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # numbers of too many digits, lists too deep
+    except (ValueError, RecursionError) as error:
         raise StudyError(f"this is not TOML: {error}") from None
 
 
@@ -256,17 +238,6 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-SAID = {
-    "Value error, ": "",
-    "Input should": "must",
-    "Tuple should": "must",
-    "a valid boolean": "true or false",
-    "an object": "a table",
-    " after validation": "",
-}
-"""Words of the library -> those for a person who wrote a file."""
-
-
 def _explain(error: ValidationError, kind: Any, given: Any, path: str) -> str:
     """The first fault in a line, misspelt keys before others."""
     faults = error.errors(include_url=False)
@@ -275,28 +246,35 @@ def _explain(error: ValidationError, kind: Any, given: Any, path: str) -> str:
         return str(told)
     if fault["type"] == "json_invalid":  # what TOML gave was JSON, but for this
         return "tables are nested too deeply"
-    reason = fault["msg"]
-    for words, own in SAID.items():
-        reason = reason.replace(words, own)
-    for k, part in enumerate(fault["loc"], 1):
-        at = f"{path}[{part + 1}]" if isinstance(part, int) else joined(path, part)
-        name, last = str(part), k == len(fault["loc"])
-        if last and fault["type"] == "missing":
-            return f"key {at!r} is missing: {kind.meaning_of(name).text}".removesuffix(": ")
-        if last and fault["type"] == "extra_forbidden":
-            return f"unknown key {at!r}{near(name, kind.model_fields)}"
-        if part in given if isinstance(given, Mapping) else isinstance(part, int):
-            path, given, stated = at, given[part], kind.model_fields.get(part)
-            kind = (stated and _table_in(stated.annotation)) or kind
-        # else it names one of several types
-    if fault["type"] in ("float_type", "int_type") and isinstance(given, str):
-        reason = "must be a number, without quotes"
-    elif fault["type"] == "tuple_type" and isinstance(given, Mapping):
-        reason = f"there may be several: write [[{path}]]"
-    elif fault["type"] == "tuple_type":
-        reason = "must be a list, in brackets"
-    elif fault["type"] == "string_pattern_mismatch":
-        reason = f"must be: {kind.meaning_of(name).text}"
+    table, name, last = kind, "", len(fault["loc"]) - 1
+    for k, part in enumerate(fault["loc"]):
+        known = (
+            given
+            if isinstance(given, Mapping)
+            else range(len(given))
+            if isinstance(given, list | tuple)
+            else ()
+        )
+        if part not in known and (k < last or fault["type"] != "missing"):
+            continue  # it names one of several types
+        path = f"{path}[{part + 1}]" if isinstance(part, int) else joined(path, part)
+        given = given[part] if part in known else None
+        if isinstance(part, str):
+            stated = kind.model_fields.get(part)
+            table, name, kind = kind, part, (stated and _table_in(stated.annotation)) or kind
+    meaning = table.meaning_of(name).text
+    if fault["type"] == "missing":
+        return f"key {path!r} is missing: {meaning}".removesuffix(": ")
+    if fault["type"] == "extra_forbidden":
+        return f"unknown key {path!r}{near(name, table.model_fields)}"
+    own = {
+        "tuple_type": f"must be a list; of tables, [[{path}]] each",
+        "string_pattern_mismatch": f"must be: {meaning}",
+        "bool_type": "must be true or false",
+        "model_type": "must be a table",
+    }
+    said = re.sub("^(Input|Tuple) should", "must", fault["msg"].removeprefix("Value error, "))
+    reason = own.get(fault["type"], said.replace(" after validation", ""))
     shown = "" if isinstance(given, Mapping | list | tuple) else f" = {given!r:.60}"
     return f"key {path!r}{shown}: {reason[0].lower()}{reason[1:]}" if path else reason
 

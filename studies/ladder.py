@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.train import Train
 from studies import events as e
-from studies.core import WIDE, Cell, Study
-from studies.runs import cell, complete, run
+from studies.core import WIDE, Study
+from studies.runs import complete, crossed, run
 from studies.scenario import Scenario, load
 from studies.statistics import Claim, Numbers, Statement, forest, judge, mean, means
 
@@ -91,16 +91,6 @@ def train_of(name: str) -> Train:
     """The train called `name` in `TRAINS`."""
     base, changes = TRAINS[name]
     return load(base).changed(**changes).event().train
-
-
-def cells(events: int, seed: int) -> list[Cell]:
-    """Every event under every controller."""
-    found = []
-    for k in range(events):
-        one, d = event(seed, k), draw(seed, k)
-        drawn = {name: d[name] for name in DRAWN}
-        found += [cell(one, RULE, controller, k, **drawn) for controller in ARMS]
-    return found
 
 
 # what is claimed
@@ -221,4 +211,5 @@ def figure(rows: pd.DataFrame) -> Figure:
 
 
 QUESTION = "How do readhesion controllers, ours and others', use adhesion where it is short, and at what cost?"
+cells = crossed(event, draw, DRAWN, (RULE,), ARMS)
 STUDY = Study("ladder", QUESTION, cells, run, table, figure, statements, events=60, seed=77)

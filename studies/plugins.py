@@ -17,8 +17,9 @@ from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.registry import Registry
 from alloc.rules import RULES, AllocationProblem, Rule
 from alloc.sets import SETS
-from alloc.sources import PACKAGES, PLUGIN_PREFIX
 
+PACKAGES = {"alloc", "mpc", "studies", "paper_figs"}
+"""Packages of the project."""
 _loaded: dict[str, ModuleType] = {}
 """Module by file."""
 
@@ -40,12 +41,11 @@ def _load(path: str) -> ModuleType:
         raise InputError(f"plug-in {path!r} is no Python file, and no train as TOML")
     # files of one name in two folders are two modules
     digest = hashlib.sha256(path.encode()).hexdigest()[:8]
-    name = f"{PLUGIN_PREFIX}{Path(path).stem.replace('-', '_')}_{digest}"
+    name = f"readhesion_plugin_{Path(path).stem.replace('-', '_')}_{digest}"
     module = sys.modules[name] = ModuleType(name)
     module.__file__ = path
     before = len(Registry.registered)
-    folder = str(Path(path).parent)
-    sys.path.insert(0, folder)  # its helpers lie beside it
+    sys.path.insert(0, str(Path(path).parent))  # its helpers lie beside it
     try:
         if path.endswith(".toml"):
             from studies.trains import read_train
@@ -56,29 +56,26 @@ def _load(path: str) -> ModuleType:
             with redirect_stdout(sys.stderr):  # stdout is for results
                 exec(compile(Path(path).read_bytes(), path, "exec"), vars(module))
         makers = {one.partition(".")[0] for one in Registry.registered[before:]}
-        if makers <= set(PACKAGES) and not hasattr(module, "STUDY"):
+        if makers <= PACKAGES and not hasattr(module, "STUDY"):
             raise InputError("it registers no part and has no STUDY")
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        said = " ".join(str(error).split())
-        kind = (
-            ""
-            if isinstance(error, InputError)
-            else f"{type(error).__name__}{line_in(path, error)}: "
-        )
-        raise InputError(f"plug-in {path!r} cannot be loaded: {kind}{said}") from None
+        raise InputError(f"plug-in {path!r} cannot be loaded: {_said(error, path)}") from None
     finally:
-        sys.path.remove(folder)
+        sys.path.remove(str(Path(path).parent))
     _loaded[path] = module
     return module
 
 
-def line_in(path: str, error: BaseException) -> str:
-    """The last line of a file that an error came through, as " in line n"; a syntax error says it itself."""
+def _said(error: BaseException, path: str) -> str:
+    """An error in one line, with the last line of the file that it came through; a syntax error says it itself."""
+    told = " ".join(str(error).split()) or "no message"
+    if isinstance(error, InputError):
+        return told
     lines = [
         one.lineno for one in traceback.extract_tb(error.__traceback__) if one.filename == path
     ]
-    return f" in line {lines[-1]}" if lines else ""
+    return f"{type(error).__name__}{f' in line {lines[-1]}' if lines else ''}: {told}"
 
 
 # a faulty part is refused before anything is run
@@ -97,46 +94,39 @@ def try_own_parts(rules: Iterable[str], controllers: Iterable[str]) -> None:
     from alloc.simulation import simulate
     from studies.scenario import load
 
-    def run(controller: str) -> Any:
+    def run(controller: Controller) -> Any:
         event = load(TRIAL[0]).changed(duration_s=TRIAL[1]).event()
-        return simulate(event, "alone", CONTROLLERS[controller])
+        return simulate(event, "alone", controller)
 
-    def torques(controller: str) -> None:
+    def torques(controller: Controller) -> None:
         if not np.isfinite(run(controller)["torque_command"]).all():
             raise AssertionError("commands a torque that is no finite number")
 
-    def limits(rule: str) -> None:
+    def limits(rule: Rule) -> None:
         problem = AllocationProblem(cap=np.linspace(0.1, 0.2, UNITS), expected=0.16)
-        found = np.asarray(RULES[rule](problem).limit)
+        found = np.asarray(rule(problem).limit)
         if found.shape != (UNITS,) or not (found >= 0.0).all():
             raise AssertionError(f"answers {found}; give one limit of 0 or more per unit")
 
-    for name in _own(RULES, rules):
-        _try(RULES, name, Rule, limits)
-    for name in _own(CONTROLLERS, controllers):
-        _try(CONTROLLERS, name, Controller, torques)
-    for name in _own(METRICS, METRICS):
-        _try(METRICS, name, Metric, lambda one: float(METRICS[one].function(run("none"))))
+    def number(metric: Metric) -> None:
+        float(metric.function(run(CONTROLLERS["none"])))
 
-
-def _own(registry: Registry[Any], names: Iterable[str]) -> list[str]:
-    """Those that do not come with the project."""
-    return [one for one in names if one not in registry.shipped()]
-
-
-def _try(registry: Registry[Any], name: str, kind: type, trial: Callable[[str], object]) -> None:
-    path = str(getattr(sys.modules.get(registry.origin(name)), "__file__", ""))
-    said = f"{registry.kind} {name!r} of {path or 'this session'}"
-    if not isinstance(registry[name], kind):
-        told = f"is a {type(registry[name]).__name__}; register a {kind.__name__}"
-        raise InputError(f"{said} {told}")
-    try:
-        with redirect_stdout(sys.stderr):
-            trial(name)
-    except AssertionError as error:  # what it answers is of no use
-        raise InputError(f"{said} {error}") from None
-    except Exception as error:
-        told = " ".join(str(error).split()) or "no message"
-        raise InputError(
-            f"{said} raises {type(error).__name__}: {told}{line_in(path, error)}"
-        ) from None
+    trials: list[tuple[Registry[Any], Iterable[str], type, Callable[[Any], None]]] = [
+        (RULES, rules, Rule, limits),
+        (CONTROLLERS, controllers, Controller, torques),
+        (METRICS, METRICS, Metric, number),
+    ]
+    for registry, names, kind, trial in trials:
+        for name in set(names) - set(registry.shipped()):
+            path = str(getattr(sys.modules.get(registry.origin(name)), "__file__", ""))
+            said, part = f"{registry.kind} {name!r} of {path or 'this session'}", registry[name]
+            if not isinstance(part, kind):
+                told = f"is a {type(part).__name__}; register a {kind.__name__}"
+                raise InputError(f"{said} {told}")
+            try:
+                with redirect_stdout(sys.stderr):
+                    trial(part)
+            except AssertionError as error:  # what it answers is of no use
+                raise InputError(f"{said} {error}") from None
+            except Exception as error:
+                raise InputError(f"{said}: {_said(error, path)}") from None

@@ -16,11 +16,11 @@ import xarray as xr
 
 from alloc import curves, metrics
 from alloc.citations import uses
+from alloc.files import write_whole
 from alloc.metrics import METRICS
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.record import provenance
 from alloc.rules import RULES
-from alloc.sources import write_whole
 from studies.compare import EFFORT, REFERENCE, Standing, answer, informed, standings
 from studies.core import StudyError
 from studies.runs import recorded

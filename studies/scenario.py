@@ -4,7 +4,6 @@ A scenario fixes what rules and controllers of a comparison share. The seed of `
 scatter of the rail, errors of sensors, lost telegrams, the phase of the receptivity, and what `[variation]` names.
 """
 
-import hashlib
 import json
 import math
 import re
@@ -19,10 +18,10 @@ from pydantic import ConfigDict, Field, model_validator
 
 from alloc import rail as plant
 from alloc.curves import CURVES, AdhesionCurve
-from alloc.event import DriverCommand, Event, canonical
+from alloc.event import DriverCommand, Event
 from alloc.laws import GRAVITY
 from alloc.onboard.settings import Belief, Onboard
-from alloc.records import ANY, meanings
+from alloc.records import meanings
 from alloc.sets import SETS, find_set
 from alloc.train import InverterGroup, Train
 from alloc.train_rows import rows_of
@@ -35,7 +34,6 @@ from studies.trains import MotorChange, TrainKeys, train_keys
 MOST_COEFFICIENT = 1.0
 """No dry or sanded rail carries a force as large as the wheel's load; measured coefficients stay below 0.7."""
 Increment = Annotated[float, Field(ge=-MOST_COEFFICIENT, le=MOST_COEFFICIENT)]
-_Patch: Any = keys_of(plant.Patch)
 _Receptivity: Any = keys_of(plant.Receptivity)
 
 
@@ -80,12 +78,10 @@ class Curve(Keys):
     @model_validator(mode="after")
     def _has_its_parameters(self) -> "Curve":
         known = [one.name for one in fields(CURVES.find(self.kind))]
-        for key, value in self._given().items():
+        for key in self._given():
             if key not in known:
                 hint = near(key, known)
                 raise ValueError(f"{key} is no parameter of the {self.kind} curve{hint}")
-            if fault := ANY.fault(value) or keys.range_fault(key, value):
-                raise ValueError(f"{key} = {value!r:.60} {fault}")
         return self
 
     def _given(self) -> dict[str, Any]:
@@ -110,10 +106,12 @@ class Curve(Keys):
             return CURVES[self.kind](**self._given())
 
 
-class RailKeys(Keys):
+_Rail: Any = keys_of(plant.Rail, "patches", "scatter", "scatter_length", "conditioning")
+
+
+class RailKeys(_Rail):
     """The rail as it truly is: `level`, or `speed_law` with its `law_factor`."""
 
-    record = plant.Rail
     renamed: ClassVar = {"law_factor": "level"}
 
     level: float | None = Field(default=None, gt=0.0, le=MOST_COEFFICIENT)
@@ -123,10 +121,6 @@ class RailKeys(Keys):
     """Factor on the coefficient that `speed_law` gives; 1 is the law itself. Left out: `level` is given."""
     increments: Increments
     """Growth of the coefficient along the train. It is always said: law = "none", or "logarithmic" for JP5484215 (15)."""
-    patches: tuple[_Patch, ...] = Field(default=(), max_length=1000)
-    scatter: float = Field(default=0.0, ge=0.0, le=MOST_COEFFICIENT)
-    scatter_length_m: float | None = None
-    conditioning: float = Field(default=0.0, ge=0.0, le=10.0)
     curve: Curve = Curve()
 
     @model_validator(mode="after")
@@ -165,12 +159,10 @@ class LineKeys(Keys):
 
     def line(self) -> plant.Line:
         """The plant's line."""
-        if not self.sections:
-            return plant.Line()
-        rows = [one.si() for one in self.sections]
-        start, grade = (tuple(row[name] for row in rows) for name in ("start", "grade"))
+        start = tuple(one.start_m for one in self.sections)
+        grade = tuple(1e-3 * one.grade_permille for one in self.sections)
         with in_words_of(self, "line.sections"):
-            return plant.Line(start, grade)
+            return plant.Line(start, grade) if start else plant.Line()
 
 
 # the driver, and what differs from day to day
@@ -217,17 +209,16 @@ class Variation(Keys):
 # the train's computers
 
 
-class BeliefKeys(Keys):
-    """What the train believes where that differs from the truth."""
+_Belief: Any = keys_of(Belief, "mass_factor", "resistance_factor")
 
-    record = Belief
+
+class BeliefKeys(_Belief):
+    """What the train believes where that differs from the truth."""
 
     increments: Increments | None = None
     """Growth of the coefficient along the train. Left out: that of the rail."""
     curve: Curve | None = None
     """Adhesion curve. Left out: that of the rail."""
-    mass_factor: float | None = Field(default=None, le=100.0)
-    resistance_factor: float | None = Field(default=None, le=100.0)
 
     def belief(self, rail: RailKeys, axles: int) -> Belief:
         """The belief of a train of so many axles on this rail."""
@@ -418,17 +409,15 @@ class Scenario(Keys):
 
     @property
     def text(self) -> str:
-        """All that identifies the scenario, as JSON: the keys that were given, and what a train of one's own consists of."""
-        given = self.model_dump(mode="json", exclude_unset=True)
-        if isinstance(self.train, str) and self.train in SETS and self.train not in SETS.shipped():
-            given["train"] = [self.train, _digest(find_set(self.train))]
-        return json.dumps(given)
+        """All that identifies the scenario, as JSON: the keys that were given."""
+        return self.model_dump_json(exclude_unset=True)
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Modules of its adhesion curves, wherever they come from."""
+        """Modules of its adhesion curves and its train, wherever they come from."""
         curves = (self.rail.curve, self.belief.curve or self.rail.curve)
-        return tuple(dict.fromkeys(CURVES.origin(one.kind) for one in curves))
+        train = [SETS.origin(name) for name in SETS if name == self.train]
+        return tuple(dict.fromkeys([*(CURVES.origin(one.kind) for one in curves), *train]))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scenario) and self.text == other.text
@@ -437,17 +426,12 @@ class Scenario(Keys):
         return hash(self.text)
 
     def __reduce__(self) -> Any:  # tables of records have no name in a module
-        return _again, (self.model_dump_json(exclude_unset=True),)
+        return _again, (self.text,)
 
 
 @lru_cache(maxsize=256)
 def _again(text: str) -> Scenario:
     return Scenario.model_validate_json(text)
-
-
-@lru_cache(maxsize=32)
-def _digest(train: Train) -> str:
-    return hashlib.sha256(canonical(train).encode()).hexdigest()[:16]
 
 
 # files

@@ -44,6 +44,10 @@ class Interval(NamedTuple):
         told = self.events >= SHOWN and self.low < self.high
         return f"{value} [{low}, {high}]" if told else value
 
+    def times(self, scale: float) -> "Interval":
+        """The same number in another unit."""
+        return Interval(scale * self.value, scale * self.low, scale * self.high, self.events)
+
 
 def _text(value: float, digits: int, sign: bool) -> str:
     """A number with the typographic minus, and without one before a zero."""
@@ -52,7 +56,7 @@ def _text(value: float, digits: int, sign: bool) -> str:
     return told.replace("-", "\N{MINUS SIGN}")
 
 
-def mean(values: Any, confidence: float = CONFIDENCE) -> Interval:
+def mean(values: Any) -> Interval:
     """Mean of numbers or of paired differences, one per event; values that are not finite are left out.
 
     The interval is a bootstrap (BCa) for 8 to 1000 events, else Student's t. It is drawn at a level as much wider as t is
@@ -65,7 +69,7 @@ def mean(values: Any, confidence: float = CONFIDENCE) -> Interval:
         return Interval(centre, bound, bound, x.size)
     low = high = np.nan
     if BOOTSTRAPPED[0] <= x.size <= BOOTSTRAPPED[1]:
-        wider = scipy.stats.t.ppf(0.5 + confidence / 2, x.size - 1) * np.sqrt(x.size / (x.size - 1))
+        wider = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, x.size - 1) * np.sqrt(x.size / (x.size - 1))
         low, high = scipy.stats.bootstrap(
             (x,),
             np.mean,
@@ -75,13 +79,8 @@ def mean(values: Any, confidence: float = CONFIDENCE) -> Interval:
             confidence_level=1 - 2 * scipy.stats.norm.cdf(-wider),
         ).confidence_interval
     if not np.isfinite([low, high]).all():  # a jackknife without spread gives none
-        low, high = _student(x, confidence)
+        low, high = _student(x, CONFIDENCE)
     return Interval(float(x.mean()), float(low), float(high), x.size)
-
-
-def ratio(values: Any, base: Any, confidence: float = CONFIDENCE) -> Interval:
-    """Sum of the values over the sum of their base, both one per event; the interval is that of the linearised ratio."""
-    return mean(linearised(values, base), confidence)
 
 
 def linearised(values: Any, base: Any) -> Any:
@@ -92,12 +91,12 @@ def linearised(values: Any, base: Any) -> Any:
     return whole + (values - whole * base) / base.mean()
 
 
-def share(true: Any, confidence: float = CONFIDENCE) -> Interval:
+def share(true: Any) -> Interval:
     """Share of events in which something is true, with Wilson's interval."""
     x = np.asarray(true, dtype=bool)
     if not x.size:
         return Interval(np.nan, np.nan, np.nan, 0)
-    found = scipy.stats.binomtest(int(x.sum()), x.size).proportion_ci(confidence, method="wilson")
+    found = scipy.stats.binomtest(int(x.sum()), x.size).proportion_ci(CONFIDENCE, method="wilson")
     return Interval(float(x.mean()), float(found.low), float(found.high), x.size)
 
 
@@ -143,7 +142,7 @@ def forest(
             face = "white" if k else colour
             axes.plot(x, y, "os"[k] + "-", color=colour, mfc=face, markevery=[1])
     axes.set_yticks(np.arange(len(rows)) + 0.125, rows)
-    axes.set_ylim(len(rows) - 0.4, -0.4)
+    axes.set_ylim(max(len(rows), 1) - 0.4, -0.4)
     if bound is not None:
         axes.axvline(bound, color="0.5", linewidth=0.8)
 

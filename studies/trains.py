@@ -117,33 +117,31 @@ class AirBrakeKeys(Keys):
 
 
 _Coupler: Any = keys_of(Coupler)
+_OF_CARS = (
+    "length",
+    "axle_positions",
+    "bogie_of_axle",
+    "axle_load_share",
+    "pivot_height",
+    "speed_sensors",
+)
+_Car: Any = keys_of(Car, *_OF_CARS)
 
 
-class CarKeys(Keys):
+class CarKeys(_Car):
     """A kind of car: `[car.X]`, X the letter that stands for it in the formation."""
 
-    record = Car
     renamed: ClassVar = {"mass": "empty_mass"}
 
-    length_m: float = Field(gt=0.0)
-    """Length over couplers."""
     mass_t: float = Field(gt=0.0)
     """Empty mass."""
     load_t: float = Field(default=0.0, ge=0.0)
-    axle_positions_m: tuple[float, ...] = Field(max_length=64)
-    bogie_of_axle: tuple[int, ...] = Field(max_length=64)
-    """Number of each axle's bogie, from 0."""
     wheel_radius_m: float = Field(ge=0.1, le=2.0)
     """Radius of the wheels."""
     wheel_inertia_kgm2: float = Field(gt=0.0)
     """Inertia of a wheelset at the wheel, with everything geared to it."""
     driven: tuple[bool, ...] | None = Field(default=None, max_length=64)
     """Whether each axle has a motor. Left out: every axle, if there are motors."""
-    axle_load_share: tuple[float, ...] | None = Field(default=None, max_length=64)
-    """Share of the car's weight on each axle; in sum below 1 where axles that are not modelled carry the rest. Left out:
-    equal shares."""
-    pivot_height_m: float | None = Field(default=None, ge=0.0)
-    speed_sensors: bool = True
     motors: MotorKeys | None = None
     """Traction motors. Left out: none."""
     air_brake: AirBrakeKeys | None = None

@@ -165,7 +165,7 @@ class Fuzzy(OnboardRecord):
     Source: JP4209318; assumed, one of many sets that reach its tables.
     """
 
-    sensitivity: float = quantity(SENSITIVITIES["medium"], "1", SENSITIVITIES, above=0.0)
+    sensitivity: float = quantity(SENSITIVITIES["medium"], "1", above=0.0)
     """Detection sensitivity: at 2 every set is at half its slip and rate. Low, medium and high are those of JP4209318, Table
     4."""
     slip: tuple[float, float, float] = quantity((0.0, 0.077716, 0.17027), "1", least=-math.inf)
@@ -246,9 +246,9 @@ class Belief(OnboardRecord):
     out: these rules treat the caps as certain."""
     curve: Any = field(default_factory=PiecewiseCurve)
     """Adhesion curve."""
-    mass_factor: float = quantity(1.0, "1", above=0.0)
+    mass_factor: float = quantity(1.0, "1", above=0.0, most=100.0)
     """Believed over true mass, as used by the reference speed's estimate."""
-    resistance_factor: float = quantity(1.0, "1")
+    resistance_factor: float = quantity(1.0, "1", most=100.0)
     """Believed over true running resistance, as used by the reference speed's estimate."""
 
 

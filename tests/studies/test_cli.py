@@ -59,7 +59,7 @@ def test_compare_and_again(capsys, elsewhere):
     files = sorted(one.name for one in (elsewhere / "results" / "compare").iterdir())
     assert files == [
         "figure.pdf",
-        "parts",
+        "rows.jsonl",
         "rows.parquet",
         "table.csv",
         "table.md",
@@ -213,8 +213,7 @@ def test_a_command_that_is_stopped_keeps_its_rows_and_goes_on(elsewhere):
     ]
     environment = os.environ | {"PYTHONPATH": str(cli.Path(cli.__file__).parents[1])}
     one = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
-    parts = elsewhere / "results" / "compare" / "parts"
-    while not (parts.exists() and list(parts.glob("[0-9]*.parquet"))):
+    while not (elsewhere / "results" / "compare" / "rows.jsonl").exists():
         assert one.poll() is None
         time.sleep(0.02)
     one.send_signal(signal.SIGINT)

@@ -7,7 +7,6 @@ import sys
 import textwrap
 import threading
 import time
-import warnings
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,7 +15,7 @@ import pandas as pd
 import pytest
 
 from studies import core
-from studies.core import Rows, StudyError, WorkerLost, markdown, run_study, write_table
+from studies.core import StudyError, WorkerLost, kept_rows, markdown, run_study, write_table
 from studies.row_key import decides, folder_hash
 from tests.studies import made_study
 from tests.studies.made_study import make
@@ -56,11 +55,11 @@ def test_a_cell_that_fails_is_a_row_and_runs_again_when_asked(tmp_path):
     bad = rows[rows["status"] == "failed"]
     assert list(bad["k"]) == [made_study.FAILS]
     assert "ValueError: unlucky (at made_study.py:" in bad["reason"].iloc[0]
-    written = sorted((tmp_path / "parts").iterdir())
+    written = (tmp_path / core.ROWS).read_bytes()
     run_study(make(), tmp_path, CELLS)
-    assert sorted((tmp_path / "parts").iterdir()) == written
+    assert (tmp_path / core.ROWS).read_bytes() == written
     run_study(make(), tmp_path, CELLS, retry_failed=True)
-    assert len(list((tmp_path / "parts").iterdir())) == len(written) + 1
+    assert (tmp_path / core.ROWS).read_bytes().count(b"cell") == CELLS + 1
 
 
 def test_more_events_and_new_labels_run_nothing_again(tmp_path):
@@ -74,13 +73,12 @@ def test_more_events_and_new_labels_run_nothing_again(tmp_path):
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_run_that_is_stopped_goes_on(tmp_path, script, sign, jobs):
     one = script(0.1, jobs)
-    parts = tmp_path / "rows" / "parts"
-    while not (parts.exists() and list(parts.glob("[0-9]*.parquet"))):
+    while not kept_rows(tmp_path / "rows"):
         assert one.poll() is None
         time.sleep(0.05)
     one.send_signal(sign)
     one.wait(timeout=30)
-    kept = len(Rows(tmp_path / "rows").read())
+    kept = len(kept_rows(tmp_path / "rows"))
     assert 0 < kept < CELLS
     deadline = time.monotonic() + 30  # workers end with their parent
     while subprocess.run(["pgrep", "-f", str(tmp_path)], stdout=subprocess.DEVNULL).returncode == 0:
@@ -109,36 +107,34 @@ def test_workers_start_while_another_thread_computes(tmp_path):
 def test_a_lost_worker_is_noticed_and_no_bad_input(tmp_path):
     with pytest.raises(WorkerLost, match="a worker was lost"):
         run_study(make(0.05, kill=True), tmp_path, CELLS, jobs=2)
-    assert len(Rows(tmp_path).read()) > 0
+    assert kept_rows(tmp_path)
 
 
-def test_readers_meet_a_join(tmp_path, monkeypatch):
-    monkeypatch.setattr(core, "MANY", 1)
-    rows = Rows(tmp_path)
-    for k in range(30):
-        rows.add([{"cell": f"c{k}", "value": k}])
-        if k % 5 == 0:
-            rows.join()
-    assert sorted(rows.read()["value"]) == list(range(30))
+def test_rows_are_the_same_to_the_last_bit_and_two_folders_unite(tmp_path):
+    value = {
+        "x": np.float64(0.1) + 0.2,
+        "n": np.int64(3),
+        "nan": np.nan,
+        "yes": np.bool_(True),
+        "µ": "é",
+    }
+    for folder in ("a", "b"):
+        core._keep(tmp_path / folder, {folder: [value, value]})
+    found = kept_rows(tmp_path / "a")["a"][1]
+    assert found.pop("nan") != 0.0
+    assert found == {"x": 0.1 + 0.2, "n": 3, "yes": True, "µ": "é"}
+    with open(tmp_path / "a" / core.ROWS, "ab") as both:
+        both.write((tmp_path / "b" / core.ROWS).read_bytes())
+    assert set(kept_rows(tmp_path / "a")) == {"a", "b"}
 
 
-def test_no_damage_is_silent(tmp_path):
+@pytest.mark.parametrize("length", [-1, -2, -30, 20])
+def test_a_line_that_was_cut_off_is_run_again(tmp_path, length):
     run_study(make(), tmp_path, CELLS)
-    (part,) = (tmp_path / "parts").glob("*.parquet")
-    whole, content = Rows(tmp_path).read(), part.read_bytes()
-    generator = np.random.default_rng(0)
-    flips = [(place, 1 << int(generator.integers(8)))
-             for place in generator.choice(len(content), 100, replace=False).tolist()]  # fmt: skip
-    broken = [content[:place] + bytes([content[place] ^ bit]) + content[place + 1 :]
-              for place, bit in flips]  # fmt: skip
-    for spoiled in [*broken, content[:-200], b"", b"hello"]:
-        part.write_bytes(spoiled)
-        with pytest.warns(UserWarning, match="damaged"):
-            assert Rows(tmp_path).read().empty
-    with warnings.catch_warnings(action="ignore"):
-        assert values(run_study(make(), tmp_path, CELLS)) == WANTED
-    part.write_bytes(content)
-    assert values(Rows(tmp_path).read()) == values(whole)
+    path = tmp_path / core.ROWS
+    path.write_bytes(path.read_bytes()[:length])
+    assert len(kept_rows(tmp_path)) < CELLS or length == -1
+    assert values(run_study(make(), tmp_path, CELLS)) == WANTED
 
 
 def test_a_full_disk(tmp_path):
@@ -151,7 +147,6 @@ def test_a_full_disk(tmp_path):
         (small / "fill").write_bytes(b"x" * 50_000)
         with pytest.raises(StudyError, match=r"rows cannot be written there.*No space"):
             run_study(make(), small, 5000)
-        assert not [one for one in (small / "parts").iterdir() if ".part" in one.name]
         (small / "fill").unlink()
         assert values(run_study(make(), small, CELLS)) == WANTED
     finally:
@@ -159,9 +154,9 @@ def test_a_full_disk(tmp_path):
 
 
 def test_a_folder_that_is_none(tmp_path):
-    (tmp_path / "parts").write_text("a file")
+    (tmp_path / "folder").write_text("a file")
     with pytest.raises(StudyError, match="rows cannot be written there"):
-        run_study(make(), tmp_path, 5)
+        run_study(make(), tmp_path / "folder", 5)
 
 
 def test_dask(tmp_path):

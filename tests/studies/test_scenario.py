@@ -83,7 +83,7 @@ BAD = [
     ("name", "a\n", "key 'name' = 'a\\n': must be"),
     ("case", "C", "key 'case' = 'C': must be 'none', 'A' or 'B'"),
     ("reversed", 1, "key 'reversed' = 1: must be true or false"),
-    ("duration_s", "22.0", "key 'duration_s' = '22.0': must be a number, without quotes"),
+    ("duration_s", "22.0", "key 'duration_s' = '22.0': must be a valid number"),
     ("duration_s", True, "key 'duration_s' = True: must be a valid number"),
     ("duration_s", float("nan"), "key 'duration_s' = nan: must be a finite number"),
     ("duration_s", float("inf"), "key 'duration_s' = inf: must be a finite number"),
@@ -93,9 +93,9 @@ BAD = [
     ("record_period_s", 1e3, "record_period_s = 1000.0 must not exceed duration_s = 22.0"),
     ("initial_speed_kmh", 1e6, "key 'initial_speed_kmh' = 1000000.0: must be"),
     ("command", [], "key 'command': must have at least 1 item"),
-    ("command", {"time_s": 0.0}, "key 'command': there may be several: write [[command]]"),
+    ("command", {"time_s": 0.0}, "key 'command': must be a list; of tables, [[command]] each"),
     ("command", TWO, "command: times = (1.0, 0.5) must grow"),
-    ("load_t", [1.0], "load_t: 1 loads for 8 cars; give one per car"),
+    ("load_t", [1.0], "load_t: train 'commuter-8car': 1 loads for 8 cars; give one per car"),
     ("load_t", [-2.0] * 8, "key 'load_t[1]' = -2.0: must be greater than or equal to 0"),
     ("failures", [{"unit": 9}], "failures: the train has no traction unit 9; it has 4"),
     ("variation.level", [1.2], "key 'variation.level[2]' is missing"),
@@ -107,16 +107,16 @@ BAD = [
     ("rail.increments.law", "given", "key 'rail.increments': values go with law"),
     ("rail.patches.0.factor", 20.0, "give a coefficient of 4.4; at most 1 is possible"),
     ("rail.patches.0.end_m", 1.0,
-     "rail.patches[1].start_m = 5.0 must lie before rail.patches[1].end_m = 1.0"),
+     "rail.patches[1]: start_m = 5.0 must lie before end_m = 1.0"),
     ("rail.curve.kind", "polch", "key 'rail.curve': unknown adhesion curve 'polch'; did you mean 'polach'?"),
     ("rail.curve.decay", 0.2, "decay is no parameter of the piecewise curve"),
-    ("rail.curve.residual_ratio", 2.0, "rail.curve.residual_ratio = 2.0 must be a finite number, 0 or greater, 0.999 at"),
+    ("rail.curve.residual_ratio", 2.0, "rail.curve: residual_ratio = 2.0 must be a finite number, 0 or greater, 0.999 at"),
     ("belief.increments", {"law": "given", "values": [0.1]}, "belief.increments.values: give one per axle, 32"),
     ("line.sections", [{"start_m": 0.0, "grade_permille": 1e6}], "key 'line.sections[1].grade_permille' = 1000000.0"),
-    ("receptivity.period_s", 0.0, "receptivity.period_s = 0.0 must be a finite number, greater than 0"),
-    ("onboard.telegrams.period_s", 1e-3, "period = 0.01 must not exceed onboard.telegrams.period_s = 0.001"),
+    ("receptivity.period_s", 0.0, "key 'receptivity.period_s' = 0.0: must be greater than 0"),
+    ("onboard.telegrams.period_s", 1e-3, "onboard: period = 0.01 must not exceed telegrams.period_s = 0.001"),
     ("onboard.detector.on_kmhs", 0.5,
-     "onboard.detector.off_kmhs = 2.7 must be below onboard.detector.on_kmhs = 0.5"),
+     "onboard.detector: off_kmhs = 2.7 must be below on_kmhs = 0.5"),
     ("onboard.braking.car_shares", [1.0], "car_shares: 1 values for 8 cars"),
     ("onboard.sensors.dropouts", [{"axle": 99, "begin_s": 0.0}], "axle = 99 of a dropout, but the last axle is 31"),
 ]  # fmt: skip
@@ -135,14 +135,12 @@ TEXT = PATCH.read_text()
 FILES = {
     "there is no such file": None,
     "key 'title' is missing": b"",
-    "no text in UTF-8": TEXT.encode("utf-16"),
+    "can't decode byte": TEXT.encode("utf-16"),
     "not TOML": b"title = ",
     "Cannot declare": TEXT.encode() + b"[rail]\n",
     "maximum recursion depth": b"x = " + b"[" * 20_000,
-    "nested too deeply": b"a." * 300_000 + b"a = 1",
     "tables are nested": b"x = " + b"[" * 300 + b"]" * 300 + b"\n" + TEXT.encode(),
-    "more than 1000000 bytes": b"#" * 1_000_001,
-    "rail.patches[1].start_m = 5.0 must lie": TEXT.replace("85.0", "1.0").encode(),
+    "rail.patches[1]: start_m = 5.0 must lie": TEXT.replace("85.0", "1.0").encode(),
 }
 
 
@@ -344,13 +342,9 @@ def test_shipped_events_need_no_remark(name):
     assert not list(remarks(load(name).event(3)))
 
 
-def test_a_train_that_a_plug_in_brings_is_known_by_what_it_consists_of(monkeypatch):
+def test_a_train_that_a_plug_in_brings_counts_with_its_file(monkeypatch):
     monkeypatch.setattr(SETS, "_parts", dict(SETS._parts))
     monkeypatch.setattr(SETS, "_origins", dict(SETS._origins))
-    texts = []
-    for load_of_car in (0.0, 1e3):
-        train = find_set("commuter-8car").loaded((load_of_car,) * 8)
-        SETS.register("own-train", lambda train=train: train)
-        texts.append(load("wet-patch").changed(train="own-train").text)
-    assert texts[0] != texts[1]
+    SETS.register("own-train", lambda: find_set("commuter-8car"))
+    assert __name__ in load("wet-patch").changed(train="own-train").sources
     assert load("wet-patch").changed(duration_s=np.float64(3.0)).duration_s == 3.0

@@ -81,7 +81,7 @@ def test_an_edited_train_makes_another_scenario_and_one_that_was_read_keeps_its_
     ("gear_ratio = 6.2, ", "", "key 'car.M.motors.gear_ratio' is missing: Turns of the motor"),
     ('"MTM"', '"MXM"', "key 'formation' = 'MXM': there is no [car.X]"),
     ('name = "tram"', 'name = "../tram"', "key 'name' = '../tram'"),
-    ("[4.1, 5.9]", "[5.9, 4.1]", "car.M.axle_positions_m = [5.9, 4.1] must grow from the front"),
+    ("[4.1, 5.9]", "[5.9, 4.1]", "car.M: axle_positions_m = [5.9, 4.1] must grow from the front"),
     ("[0, 0]", "[0]", "car.M: bogie_of_axle has 1 entries for 2 axles"),
     ("power_kw = 90.0", "effort_kn = [9.0]", "key 'car.M.motors': effort_kn takes the place of torque_nm"),
     ("torque_nm = 750.0, ", "", "key 'car.M.motors': give torque_nm and power_kw, or effort_speed_kmh"),
