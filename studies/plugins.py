@@ -17,8 +17,9 @@ from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.registry import Registry
 from alloc.rules import RULES, AllocationProblem, Rule
 from alloc.sets import SETS
-from alloc.sources import PACKAGES, PLUGIN_PREFIX
 
+SHIPPED = {"alloc", "mpc", "studies", "paper_figs"}
+"""Packages whose modules are no plug-ins."""
 _loaded: dict[str, ModuleType] = {}
 """Module by file."""
 
@@ -40,7 +41,7 @@ def _load(path: str) -> ModuleType:
         raise InputError(f"plug-in {path!r} is no Python file, and no train as TOML")
     # files of one name in two folders are two modules
     digest = hashlib.sha256(path.encode()).hexdigest()[:8]
-    name = f"{PLUGIN_PREFIX}{Path(path).stem.replace('-', '_')}_{digest}"
+    name = f"readhesion_plugin_{Path(path).stem.replace('-', '_')}_{digest}"
     module = sys.modules[name] = ModuleType(name)
     module.__file__ = path
     before = len(Registry.registered)
@@ -56,7 +57,7 @@ def _load(path: str) -> ModuleType:
             with redirect_stdout(sys.stderr):  # stdout is for results
                 exec(compile(Path(path).read_bytes(), path, "exec"), vars(module))
         makers = {one.partition(".")[0] for one in Registry.registered[before:]}
-        if makers <= set(PACKAGES) and not hasattr(module, "STUDY"):
+        if makers <= SHIPPED and not hasattr(module, "STUDY"):
             raise InputError("it registers no part and has no STUDY")
     except (Exception, SystemExit) as error:
         del sys.modules[name]

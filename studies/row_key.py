@@ -1,9 +1,8 @@
 """What decides the rows of a cell: its arguments, and the sources behind the function that makes them.
 
 A study is one file, and its table, its figure and its words change more often than what it computes. So of a module of
-`studies` only those definitions count that the function names, and those that these name, wherever they stand. Of `alloc`
-and `mpc` whole modules count, with all that they import. Of a user's own file its whole folder counts: what helps it lies
-beside it.
+`studies` only those definitions count that the function names, and those that these name, wherever they stand. `alloc`
+and `mpc` count whole. Of a user's own file its whole folder counts: what helps it lies beside it.
 """
 
 import ast
@@ -19,11 +18,12 @@ from typing import Any
 
 import numpy as np
 
+from alloc.compilation import ROOT
 from alloc.errors import InputError
-from alloc.sources import code_hash, path_of
+from alloc.sources import BELOW, code_hash, tree_of
 
-OWN, BELOW = "studies", ("alloc", "mpc")
-"""The package whose definitions are followed one by one, and those that count by modules."""
+OWN = "studies"
+"""The package whose definitions are followed one by one; those of `BELOW` count whole."""
 DATA = (".csv", ".toml", ".npy", ".npz", ".mat", ".dat")
 """Files that lie beside a user's own and that it may read; a study's own count where it names them."""
 PASSED_OVER = {"__pycache__", "site-packages", "node_modules"}
@@ -53,10 +53,10 @@ def decides(function: Callable[..., Any], modules: tuple[str, ...] = ()) -> str:
             left += [one for node in nodes for one in _named_in(node, module)]
         elif module.partition(".")[0] != OWN:
             modules = (*modules, module)
-    below = {one for one in modules if one.partition(".")[0] in BELOW}
-    others = {one if os.sep in one else _file(one) for one in set(modules) - below}
-    parts = [seen[one] for one in sorted(seen)] + [folder_hash(one) for one in sorted(others)]
-    return _hash("\n".join([*parts, code_hash(*sorted(below))]))
+    others = {one for one in modules if one.partition(".")[0] not in BELOW}
+    files = sorted(one if os.sep in one else _file(one) for one in others)
+    parts = [seen[one] for one in sorted(seen)] + [folder_hash(one) for one in files]
+    return _hash("\n".join([*parts, code_hash()]))
 
 
 def _hash(text: str) -> str:
@@ -79,17 +79,16 @@ def _plain(value: Any) -> Any:
 # modules of this package, read as text
 
 
-class _Bare(ast.NodeTransformer):
-    """Takes away strings that stand alone, which are docstrings."""
-
-    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
-        return None if isinstance(node.value, ast.Constant) else node
+def path_of(module: str) -> Path:
+    """File of a module of this package."""
+    base = ROOT.joinpath(*module.split("."))
+    return base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
 
 
 @cache
 def _tree(module: str) -> ast.Module:
     path = path_of(module)
-    return _Bare().visit(ast.parse(path.read_bytes() if path else ""))
+    return tree_of(path.read_bytes() if path.exists() else "")
 
 
 @cache
@@ -131,7 +130,7 @@ def _named_in(node: ast.stmt, module: str) -> Iterator[Name]:
             target, name = imports[one.value.id]  # type: ignore[attr-defined]
             yield f"{target}.{name}".strip("."), one.attr  # of a module
         elif isinstance(one, ast.Constant) and str(one.value).endswith(DATA):
-            file = Path(str(path_of(module))).with_name(str(one.value))
+            file = path_of(module).with_name(str(one.value))
             if file.is_file():
                 yield str(file), ""
 
