@@ -112,6 +112,8 @@ UNIT = Table(
     radius=Column(0.43, "m", "wheel radius"),
     inertia=Column(100.0, "kg m2", "mean inertia of its wheelsets"),
     gear=Column(7.0, ONE, "gear ratio"),
+    first=Column(0, ONE, "its foremost axle, 0 = foremost of the train"),
+    last=Column(4, ONE, "its hindmost axle and one"),
     turning=Column(
         0.0, ONE, "torque that turns its wheelsets over what the rail receives, at the plan"
     ),
@@ -235,8 +237,7 @@ PLANT = Table(
     step=Column(0.002, "s", "integration step"),
     body_mass=Column(0.0, "kg", "mass of a rigid train; 0: cars move by themselves"),
     pitches=Column(0, ONE, "whether rail forces shift loads"),
-    curve=Column(0, ONE, "number of the adhesion curve in `alloc.curves`"),
-    curve_values=Column((0.0,) * 8, ONE, "parameters of the curve"),
+    curve_number=Column(0, ONE, "number of the adhesion curve in `alloc.curves`"),
     law_offset=Column(1.0, "km h-1", "offset of the speed law of adhesion"),
     scatter_length=Column(0.0, "m", "distance of the scatter's knots; 0: no scatter"),
     conditioning=Column(
@@ -246,7 +247,7 @@ PLANT = Table(
         source="JP4209318 par. 0051",
     ),
     conditioning_slip=Column(0.05, ONE, "slip ratio that cleans the rail to 63 %"),
-    recovered=Column(
+    recovered_coefficient=Column(
         0.0, ONE, "coefficient to which dissipated energy raises a lower one; 0: it does not"
     ),
     recovery_energy=Column(
@@ -256,11 +257,11 @@ PLANT = Table(
     recovery_left=Column(
         0.25, ONE, "share of an axle's recovery that stays on the rail for those behind"
     ),
-    cell=Column(0.1, "m", "resolution of the cleaned rail"),
+    cleaning_spacing=Column(0.1, "m", "resolution of the cleaned rail"),
     line_origin=Column(0.0, "m", "begin of the line's points"),
     line_spacing=Column(5.0, "m", "distance of the line's points"),
-    receptivity=Column(1.0, ONE, "mean share of the electric brake that the line takes"),
-    receptivity_swing=Column(0.0, ONE, "amplitude of that share"),
+    receptivity_mean=Column(1.0, ONE, "mean share of the electric brake that the line takes"),
+    receptivity_amplitude=Column(0.0, ONE, "amplitude of that share"),
     receptivity_period=Column(3.0, "s", "period of that share"),
     receptivity_phase=Column(0.0, "rad", "phase of that share"),
     planned=Column(

@@ -85,12 +85,9 @@ def find_fronts(run: "Run") -> Fronts | None:
     speed = np.ascontiguousarray(np.abs(run["car_speed"][chosen][:, run["axle_car"][axles]]))
     top, most = of_axles("peak_slip"), np.empty(speed.shape)
     table, unit = np.empty((*speed.shape, NODES + 1)), run.unit[axles]
-    values, own = (
-        np.atleast_1d(np.asarray(run.attrs[one], dtype=float))
-        for one in ("curve_values", "own_curve")
-    )
+    values = np.atleast_1d(np.asarray(run.attrs["curve_values"], dtype=float))
     tabulate(
-        int(run.attrs["curve"]), values, own, run.way[chosen], speed, of_axles("offered"),
+        int(run.attrs["curve"]), values, run.way[chosen], speed, of_axles("offered"),
         run["axle_contact"][axles].astype(float), top, of_axles("axle_load"), table, most,
     )  # fmt: skip
     # a part has one torque: a unit, or an axle of a unit whose motors are in parallel
@@ -111,7 +108,7 @@ def find_fronts(run: "Run") -> Fronts | None:
 
 
 @jit
-def tabulate(curve, values, own, way, speed, peak, contact, top, load, table, most):
+def tabulate(curve, values, way, speed, peak, contact, top, load, table, most):
     """Fill `most` (instants, axles), the force at the slip `top` [N], and `table` (instants, axles, NODES + 1).
 
     This has w at the slips (node / NODES)^2 `top`. `way` (instants,); `contact` (axles,); the others (instants, axles).
@@ -120,17 +117,13 @@ def tabulate(curve, values, own, way, speed, peak, contact, top, load, table, mo
         for i in range(top.shape[1]):
             v, least = speed[k, i], 1.0
             slip = way[k] * top[k, i]
-            best = way[k] * coefficient(
-                curve, values, own, slip, v, v + slip, peak[k, i], contact[i]
-            )
-            best = max(best, 1e-12)
+            best = coefficient(curve, values, slip, v, v + slip, peak[k, i], contact[i])
+            best = max(way[k] * best, 1e-12)
             most[k, i] = best * load[k, i]
             for node in range(NODES + 1):
                 part = slip * (node / NODES) ** 2
-                mu = way[k] * coefficient(
-                    curve, values, own, part, v, v + part, peak[k, i], contact[i]
-                )
-                least = min(least, np.sqrt(max(1.0 - mu / best, 0.0)))
+                mu = coefficient(curve, values, part, v, v + part, peak[k, i], contact[i])
+                least = min(least, np.sqrt(max(1.0 - way[k] * mu / best, 0.0)))
                 table[k, i, node] = least
 
 

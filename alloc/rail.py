@@ -7,8 +7,8 @@ JP5484215 has the speed law (12), increments (15) and scatter; JP4209318 par. 00
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import MISSING, astuple, dataclass, field, fields
+from collections.abc import Iterator
+from dataclasses import MISSING, dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -19,7 +19,7 @@ from alloc.columns import LINE, PATCH
 from alloc.curves import PiecewiseCurve
 from alloc.errors import PlantError
 from alloc.records import NOT_IN_FILES, Record, quantity
-from alloc.tables import Rows
+from alloc.tables import Rows, put
 
 SPEED_LAWS: dict[str, tuple[float, float, float]] = {
     "none": (0.0, 1.0, 1.0),
@@ -85,15 +85,6 @@ class Patch(Record):
             a, b = getattr(self, low), getattr(self, high)
             if not a < b:
                 yield f"{low} = {a!r} must lie before {high} = {b!r}"
-
-
-def patch_rows(patches: Sequence[Patch]) -> Rows:
-    """A row of `PATCH` for each."""
-    rows = PATCH.rows(len(patches))
-    for row, patch in zip(rows, patches, strict=True):
-        for item in fields(patch):
-            row[item.name] = getattr(patch, item.name)
-    return rows
 
 
 @dataclass(frozen=True)
@@ -175,7 +166,7 @@ class Rail(Record):
 
     def _greatest_factor(self) -> float:
         """Largest product of the factors of patches that overlap, estimated from above: in space, and in time."""
-        raised = patch_rows([patch for patch in self.patches if patch.factor > 1.0])
+        raised = PATCH.of([patch for patch in self.patches if patch.factor > 1.0])
         products = [1.0 if raised.size == 0 else math.inf]
         for start, end, edge in (("start", "end", "edge"), ("begin", "until", "fade")):
             first, last = raised[start] - 0.5 * raised[edge], raised[end] + 0.5 * raised[edge]
@@ -202,13 +193,9 @@ class Rail(Record):
         axles.law_numerator, axles.law_constant = numerator, constant
         axles.increment = 0.0 if self.increments is None else self.increments
         axles.contact = self.curve.contact(0.5 * axles.static_load, axles.radius)
-        plant.law_offset, plant.cell = front[1], self.cleaning_spacing
-        plant.curve, plant.curve_values = self.curve.number, self.curve.values
-        plant.scatter_length = self.scatter_length if self.scatter > 0.0 else 0.0
-        plant.recovered = self.recovered_coefficient
-        plant.conditioning, plant.conditioning_slip = self.conditioning, self.conditioning_slip
-        for name in ("recovery_energy", "recovery_time", "recovery_left"):
-            plant[name] = getattr(self, name)
+        put(plant, self)
+        plant.law_offset, plant.curve_number = front[1], self.curve.number
+        plant.scatter_length *= self.scatter > 0.0
 
     def cells(self, length: float) -> NDArray[np.float64]:
         """Ring of cells under a train of `length` [m], none of them cleaned; a few where wheels clean nothing."""
@@ -300,9 +287,3 @@ class Receptivity(Record):
     """Period of its change."""
     phase: float = field(default=0.0, metadata=NOT_IN_FILES)
     """Phase of its change [rad]."""
-
-    def put_into(self, plant: Rows) -> None:
-        """Write it into the row of `PLANT`."""
-        names = ("receptivity", "receptivity_swing", "receptivity_period", "receptivity_phase")
-        for name, value in zip(names, astuple(self), strict=True):
-            plant[name] = value

@@ -119,9 +119,8 @@ def _add_tops(data: dict[str, Any], w: World) -> None:
     plant, speed = w.plant[0], data["car_speed"].values[:, w.axles.car]
     offered = data["offered"].values
     most, slip = tops(
-        plant.curve,
-        plant.curve_values,
-        w.own_curve,
+        plant.curve_number,
+        w.curve,
         np.ascontiguousarray(speed),
         offered,
         w.axles.contact,
@@ -142,7 +141,7 @@ def _add_limits(data: dict[str, Any], time: NDArray[np.float64], w: World) -> No
     kmh = 3.6 * np.abs(data["car_speed"].values[:, w.axles.car[driven]] @ share)
     works = time[:, None] < w.units.failure
     phase = 2.0 * np.pi * time / plant.receptivity_period + plant.receptivity_phase
-    taken = np.clip(plant.receptivity + plant.receptivity_swing * np.sin(phase), 0.0, 1.0)
+    taken = np.clip(plant.receptivity_mean + plant.receptivity_amplitude * np.sin(phase), 0.0, 1.0)
     for name, table, part, meaning in (
         ("drive_limit", w.effort, np.ones_like(time), "most that each motor can pull with"),
         (
@@ -218,9 +217,8 @@ def _attributes(
         "rule_gap": float(run.rule_gap),
         "controller_calls": ended * w.units.size,
         "controller_failures": int(w.units.faults.sum()),
-        "curve": int(plant.curve),
-        "curve_values": plant.curve_values.copy(),
-        "own_curve": w.own_curve.tolist() if w.own_curve.size > 1 else 0.0,
+        "curve": int(plant.curve_number),
+        "curve_values": w.curve.copy(),
         "wall_time_s": wall_time,
         **provenance(),
     }

@@ -187,7 +187,7 @@ def listen(k, w):
 def see(w):
     """What no computer on board can know."""
     true_limits(
-        w.run[0].time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.own_curve, w.scatter,
+        w.run[0].time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.curve, w.scatter,
         w.plant[0], w.run[0],
     )  # fmt: skip
 
@@ -229,7 +229,7 @@ def write_down_and_advance(k, w, record):
     plant, run = w.plant[0], w.run[0]
     derivative(
         run.time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
-        w.own_curve, w.scatter, plant,
+        w.curve, w.scatter, plant,
     )  # fmt: skip
     note(w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, plant, run)
     keep(record.axle_words, record.axles_in[k])
@@ -238,7 +238,7 @@ def write_down_and_advance(k, w, record):
     keep(record.brake_words, record.brakes_in[k])
     keep(record.run_words, record.run_in[k])
     advance(
-        run.time, w.state, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard, w.own_curve,
+        run.time, w.state, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard, w.curve,
         w.scatter, w.rail, plant, record.brakes,
     )  # fmt: skip
 
@@ -263,7 +263,8 @@ def aim(belief, law, knows, k, w, record):
 def command(control, w):
     """What the readhesion controller of each unit commands."""
     for j in range(w.units.size):
-        control(w.units[j], w.axles[w.first[j] : w.last[j]], w.memory[j], w.run[0])
+        u = w.units[j]
+        control(u, w.axles[u.first : u.last], w.memory[j], w.run[0])
 
 
 def steps(belief, law, control, knows, first, w, record):

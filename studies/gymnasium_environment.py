@@ -56,7 +56,7 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         """
         self.scenario = load(scenario) if isinstance(scenario, str) else scenario
         world = self.scenario.event().world()
-        axles = world.last - world.first
+        axles = world.units.last - world.units.first
         self.units, self.rule, self.others = list(units or range(axles.size)), rule, others
         if not set(self.units) <= set(range(axles.size)):
             raise StudyError(f"units = {self.units} must be some of 0 to {axles.size - 1}")
@@ -122,7 +122,8 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         w, values, others = self.simulation.world, list[float](), list[float]()
         run = w.run[0]
         for j in self.units:
-            row, axles = w.units[j], w.axles[w.first[j] : w.last[j]]
+            row = w.units[j]
+            axles = w.axles[row.first : row.last]
             per = row.gear / (row.load * row.radius)
             values += [run.reference_speed, *(run.sign * (axles.reading - run.reference_speed))]
             values += [row[name] * per for name in TORQUES] + [run.plan]

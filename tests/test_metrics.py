@@ -58,7 +58,7 @@ def made(force, level=0.5, command=ASKED, period=0.01, unit=None, **changes):
              "car_acceleration": (("time", "car"), gain[:, None]),
              "coupler_force": (("time", "coupler"), np.zeros((t, 0)))}  # fmt: skip
     attrs = {"blended_brakes": 0, "target_speed": np.nan, "rule_failures": 0, "controller_failures": 0,
-             "curve": CURVE.number, "curve_values": CURVE.values, "own_curve": CURVE.table}  # fmt: skip
+             "curve": CURVE.number, "curve_values": CURVE.values}  # fmt: skip
     for name, value in changes.items():
         if name in attrs:
             attrs[name] = value
