@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numba import int64, types
 from numpy.typing import NDArray
 
 from alloc.columns import AXLE, BRAKE, CAR, RUN, UNIT
@@ -54,9 +53,6 @@ class Record(NamedTuple):
 
 
 _TABLES = (AXLE, CAR, UNIT, BRAKE, RUN)
-_WORDS = (int64[:, :, ::1],) * len(_TABLES) + (int64[:, ::1],) * len(_TABLES)
-RECORD = types.NamedTuple(tuple(one.said[:, ::1] for one in _TABLES) + _WORDS, Record)
-"""Numba's type of a `Record`."""
 
 
 def room(w: World) -> Record:

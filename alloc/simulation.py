@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numba import boolean, int64, void
+from numba import boolean, int64, typeof, void
 from numba.extending import register_jitable
 
 from alloc.compilation import jit
@@ -40,10 +40,9 @@ from alloc.parts import (
     ready,
 )
 from alloc.plant import advance, derivative, note, true_limits
-from alloc.record import RECORD, dataset, room
+from alloc.record import dataset, room
 from alloc.registry import Registry
 from alloc.rules import RULES, Rule
-from alloc.world import WORLD
 
 
 def simulate(
@@ -100,7 +99,8 @@ class Simulation:
         parts: tuple[Any, ...] = belief, law, control
         if are_compiled(*parts):
             parts = ready(belief, BELIEF), ready(law, LAW), ready(control, CONTROL)
-            compiled_steps()(*parts, self.knows, self.tick, self.world, self.record)
+            loop = compiled_steps(typeof(self.world), typeof(self.record))
+            loop(*parts, self.knows, self.tick, self.world, self.record)
         else:
             with np.errstate(all="ignore"):  # as compiled code has it
                 self._served(*parts)
@@ -276,7 +276,9 @@ def steps(belief, law, control, knows, first, w, record):
 
 
 @cache
-def compiled_steps() -> Any:
-    """`steps` for compiled parts, which it calls by their addresses, so it is compiled once for all of them."""
-    kinds: Any = (BELIEF_TYPE, LAW_TYPE, CONTROL_TYPE, boolean, int64, WORLD, RECORD)
-    return jit(void(*kinds))(steps)
+def compiled_steps(*kinds: Any) -> Any:
+    """`steps` for compiled parts, which it calls by their addresses, so it is compiled once for all of them.
+
+    `kinds`: Numba's types of a world and a record, which are those of any other.
+    """
+    return jit(void(BELIEF_TYPE, LAW_TYPE, CONTROL_TYPE, boolean, int64, *kinds))(steps)

@@ -2,10 +2,8 @@
 
 from typing import Any, NamedTuple
 
-from numba import float64, int64, types
 from numpy.typing import NDArray
 
-from alloc.columns import AXLE, BRAKE, CAR, LINE, ONBOARD, PATCH, PLANT, RUN, SLIDE, UNIT
 from alloc.tables import Rows
 
 
@@ -51,15 +49,3 @@ class World(NamedTuple):
     """Tick of the newest order that has arrived at each unit, (ticks, units)."""
     memory: NDArray[Any]
     """Of the controller, (units, numbers)."""
-
-
-NUMBERS, MATRIX, TICKS = float64[::1], float64[:, ::1], int64[:, ::1]
-WORLD = types.NamedTuple(
-    (
-        NUMBERS, MATRIX, AXLE.type, CAR.type, UNIT.type, BRAKE.type, PATCH.type, LINE.type, PLANT.type, ONBOARD.type,
-        SLIDE.type, RUN.type, MATRIX, MATRIX, NUMBERS, NUMBERS, NUMBERS, NUMBERS, MATRIX, int64[::1], TICKS, TICKS,
-        MATRIX,
-    ),
-    World,
-)  # fmt: skip
-"""Numba's type of a `World`."""

@@ -7,7 +7,7 @@ import xarray as xr
 from alloc import metrics
 from alloc.curves import PiecewiseCurve
 from alloc.errors import UnsoundRun
-from alloc.metrics import METRICS, evaluate, jerk, metric, series, train_bounds
+from alloc.metrics import METRICS, Run, evaluate, jerk, metric, series
 from alloc.registry import Registry
 
 LOAD, MASS, ASKED = 1e5, 1e5, 0.8
@@ -168,7 +168,7 @@ def test_half_of_the_plan_for_four_seconds_loses_two(command, name):
 def test_motors_and_not_the_rail_bound_a_unit_that_has_failed():
     limit = np.array([[1e9, 0.0]])
     run = made([[4e4, 0.0]] * 800, 0.6, drive_limit=limit)
-    found = train_bounds(run)
+    found = Run(run).bounds
     assert found.bound[-1] == pytest.approx(6e4)
     assert found.apart[-1] == pytest.approx(4e4)
     # its part of the plan is out of reach on any rail
