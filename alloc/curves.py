@@ -22,7 +22,7 @@ from alloc import laws
 from alloc.backends import compiled as law
 from alloc.compilation import jit
 from alloc.errors import PlantError
-from alloc.records import Record, quantity
+from alloc.records import PlantRecord, quantity
 from alloc.registry import Registry
 
 Floats = NDArray[np.float64]
@@ -126,11 +126,10 @@ def steepest(curve: int, q: Floats, peak: float, contact: float = 1.0) -> float:
 
 
 @dataclass(frozen=True)
-class AdhesionCurve(Record):
+class AdhesionCurve(PlantRecord):
     """What all curves have: the number of the law and what it takes; coefficients and their top."""
 
     number: ClassVar[int] = -1
-    error = PlantError
 
     @property
     def owner(self) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from alloc.columns import LINE, PATCH
 from alloc.curves import PiecewiseCurve
 from alloc.errors import PlantError
-from alloc.records import NOT_IN_FILES, Record, quantity
+from alloc.records import NOT_IN_FILES, PlantRecord, quantity
 from alloc.tables import Rows, put
 
 SPEED_LAWS: dict[str, tuple[float, float, float]] = {
@@ -57,13 +57,11 @@ def logarithmic_increments(
 
 
 @dataclass(frozen=True)
-class Patch(Record):
+class Patch(PlantRecord):
     """A stretch of rail that multiplies the coefficient by a factor for a time; smooth edges.
 
     Source: assumed.
     """
-
-    error = PlantError
 
     factor: float = quantity(MISSING, "1", above=0.0, most=1000.0)
     """Factor on the coefficient."""
@@ -88,13 +86,11 @@ class Patch(Record):
 
 
 @dataclass(frozen=True)
-class Rail(Record):
+class Rail(PlantRecord):
     """Adhesion field.
 
     Source: assumed.
     """
-
-    error = PlantError
 
     level: float = quantity(MISSING, "1", above=0.0)
     """Scale of the speed law; the coefficient itself where the law is `none`."""
@@ -204,7 +200,7 @@ class Rail(Record):
 
 
 @dataclass(frozen=True)
-class Line(Record):
+class Line(PlantRecord):
     """Gradient, tunnels and curves by position; gradient as rise per run (0.020 = 20 per mille).
 
     `stations` (k,) are the starts of sections with `grades` (k,); before the first and beyond the last the nearest applies.
@@ -212,8 +208,6 @@ class Line(Record):
 
     Source: this project.
     """
-
-    error = PlantError
 
     stations: tuple[float, ...] = quantity((0.0,), "m", least=-math.inf)
     """Increasing starts of the sections."""
@@ -271,13 +265,11 @@ class Line(Record):
 
 
 @dataclass(frozen=True)
-class Receptivity(Record):
+class Receptivity(PlantRecord):
     """Share of the electric brake that the line takes up: mean + amplitude sin(2 pi t / period + phase), in [0, 1].
 
     Source: assumed.
     """
-
-    error = PlantError
 
     mean: float = quantity(1.0, "1", most=1.0)
     """Mean share that the line takes up."""

@@ -115,11 +115,7 @@ def _add_tops(data: dict[str, Any], w: World) -> None:
     plant, speed = w.plant[0], data["car_speed"].values[:, w.axles.car]
     offered = data["offered"].values
     most, slip = tops(
-        plant.curve_number,
-        w.curve,
-        np.ascontiguousarray(speed),
-        offered,
-        w.axles.contact,
+        plant.curve_number, w.curve, np.ascontiguousarray(speed), offered, w.axles.contact
     )
     about = "true adhesion coefficient: the largest over the slip", "slip velocity of that largest"
     for name, values, unit, meaning in (

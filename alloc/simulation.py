@@ -21,13 +21,7 @@ from alloc.event import Event
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.sensing import report, sense
 from alloc.onboard.slide import protect
-from alloc.onboard.targets import (
-    ask_brakes,
-    foresee,
-    set_brake_targets,
-    set_targets,
-    trailers_lack,
-)
+from alloc.onboard.targets import ask_brakes, foresee, set_brake_targets, set_targets, trailers_lack
 from alloc.onboard.telegrams import set_limits
 from alloc.parts import (
     BELIEF,
@@ -46,9 +40,7 @@ from alloc.rules import RULES, Rule
 
 
 def simulate(
-    event: Event,
-    rule: str | Rule = "cooperative",
-    controller: str | Controller = "perturb-observe",
+    event: Event, rule: str | Rule = "cooperative", controller: str | Controller = "perturb-observe"
 ) -> xr.Dataset:
     """Run an event; returns the recorded run.
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from alloc.errors import PlantError
 from alloc.laws import PI
-from alloc.records import Record, quantity
+from alloc.records import PlantRecord, quantity
 
 Floats = NDArray[np.float64]
 InverterGroup = Literal["1C4M", "1C2M", "1C1M"]
@@ -33,12 +33,6 @@ BREAKDOWN_SLIP = 10.0 * PI
 1.4 % of 4200/min on the nameplate of CRH2's motors (300 kW, 140 Hz, 4140/min)."""
 MOST_AXLES = 2000
 """Largest number of axles; the longest trains have some 1500."""
-
-
-class PlantRecord(Record):
-    """A record of the plant."""
-
-    error = PlantError
 
 
 @dataclass(frozen=True)

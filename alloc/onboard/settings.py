@@ -165,7 +165,7 @@ class Fuzzy(OnboardRecord):
     Source: JP4209318; assumed, one of many sets that reach its tables.
     """
 
-    sensitivity: float = quantity(SENSITIVITIES["medium"], "1", SENSITIVITIES, above=0.0)
+    sensitivity: float = quantity(SENSITIVITIES["medium"], "1", above=0.0)
     """Detection sensitivity: at 2 every set is at half its slip and rate. Low, medium and high are those of JP4209318, Table
     4."""
     slip: tuple[float, float, float] = quantity((0.0, 0.077716, 0.17027), "1", least=-math.inf)
