@@ -192,6 +192,7 @@ PLANT = Table(
     step=Column(0.002, "s", "integration step"),
     body_mass=Column(0.0, "kg", "mass of a rigid train; 0: cars move by themselves"),
     pitches=Column(0, ONE, "whether rail forces shift loads"),
+    parallel=Column(0, ONE, "whether motors of a unit share a frequency"),
     curve_number=Column(0, ONE, "number of the adhesion curve in `alloc.curves`"),
     law_offset=Column(1.0, "km h-1", "offset of the speed law of adhesion"),
     scatter_length=Column(0.0, "m", "distance of the scatter's knots; 0: no scatter"),

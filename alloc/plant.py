@@ -120,6 +120,8 @@ def find_coefficients(y, axles, bodies, omega, curve, plant):
 @part
 def shift_loads(axles, cars):
     """Axle loads as cars and bogies pitch under their rail force, in closed form: no iteration between force and load."""
+    for k in range(cars.size):
+        cars[k].force, cars[k].pitch = 0.0, 0.0
     for i in range(axles.size):
         a, c = axles[i], cars[axles[i].car]
         c.force += a.coefficient * a.static_load
@@ -128,8 +130,6 @@ def shift_loads(axles, cars):
         a, c = axles[i], cars[axles[i].car]
         force = law.car_force(c.force, c.pitch)
         a.axle_load = law.axle_load(a.static_load, a.unloading, force)
-    for k in range(cars.size):
-        cars[k].force, cars[k].pitch = 0.0, 0.0
 
 
 @part
@@ -206,21 +206,13 @@ def pull_cars(y, dy, cars, bodies, line, plant):
 
 
 @part
-def reset(dy, cars, units, torque):
-    """Zero what sums over axles; whether motors run in parallel."""
-    parallel = False
-    for k in range(cars.size):
-        cars[k].force, cars[k].pitch = 0.0, 0.0
-    for j in range(units.size):
-        dy[torque + j] = 0.0  # sums angular speeds first
-        parallel = parallel or units[j].slip_torque > 0.0
-    return parallel
-
-
-@part
-def turn_wheels(y, dy, axles, cars, omega, torque, friction, pitches):
+def turn_wheels(y, dy, axles, cars, units, omega, torque, friction, pitches):
     """Rail forces, and the wheelsets under them and their motors; sums each unit's angular speeds; power of the motors."""
     motors = 0.0
+    for k in range(cars.size):
+        cars[k].force = 0.0
+    for j in range(units.size):
+        dy[torque + j] = 0.0
     for i in range(axles.size):
         a, turning = axles[i], y[omega + i]
         load = a.axle_load if pitches else a.static_load
@@ -271,13 +263,12 @@ def derivative(
     """Right side `dy` of the state `y` at the instant `t`; the rows note what is of this instant."""
     bodies, omega, torque, pressure, friction = places(axles, cars, units, brakes, plant)
     works, pitches = friction + axles.size, plant.pitches
-    parallel = reset(dy, cars, units, torque)
     find_offered(t, y, axles, bodies, patches, scatter, plant)
     find_coefficients(y, axles, bodies, omega, curve, plant)
     if pitches:
         shift_loads(axles, cars)
-    motors = turn_wheels(y, dy, axles, cars, omega, torque, friction, pitches)
-    if parallel:
+    motors = turn_wheels(y, dy, axles, cars, units, omega, torque, friction, pitches)
+    if plant.parallel:
         motors += divide_torque(t, y, dy, axles, units, omega, torque)
     shoes = 0.0
     if fill_cylinders(y, dy, brakes, pressure) > 0.0:
@@ -391,9 +382,7 @@ def advance(
                 stage[r] = y[r] + reach * h * slope[r]
         if cleans:
             clean_rail(end, y, axles, bodies, omega, friction, h, rail, plant)
-        for r in range(
-            y.size
-        ):  # what is left of a standstill is no number that a processor computes fast
+        for r in range(y.size):  # what is left of a standstill no processor computes fast
             y[r] = end[r] if abs(end[r]) > SMALLEST else 0.0
 
 
@@ -454,15 +443,12 @@ def stable_step(
         on_shaft = np.where(axles.unit >= 0, units.slip_torque[axles.unit] * axles.gear**2, 0.0)
         rates += [1.0 / units.lag.min(), (on_shaft / axles.inertia).max()]
     if brakes.size:
-        rates += [
-            1.0 / laws.LOCK_TIME,
-            1.0 / min(brakes.fill_time.min(), brakes.release_time.min()),
-        ]
+        quickest = min(brakes.fill_time.min(), brakes.release_time.min())
+        rates += [1.0 / laws.LOCK_TIME, 1.0 / quickest]
     if not rigid and cars.size > 1:
         inverse = (1.0 / mass[:-1] + 1.0 / mass[1:]).max()
         stiffest = (cars.stiffness + 3.0 * cars.stiffening * STROKE**2).max()
         rates += [2.0 * cars.damping.max() * inverse, math.sqrt(2.0 * stiffest * inverse)]
     steps = math.ceil(plant.period / plant.step * (1.0 - 1e-9))
-    return float(
-        plant.period / (steps * max(1, math.ceil(plant.period / steps * max(rates) / STABLE)))
-    )
+    parts = max(1, math.ceil(plant.period / steps * max(rates) / STABLE))
+    return float(plant.period / (steps * parts))

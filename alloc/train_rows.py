@@ -48,12 +48,51 @@ def train_rows(
     whether a target holds the torque that turns the wheelsets, JP5484215 (6). `blended`: whether every car brakes itself.
     """
     axles, cars, units, brakes, effort, retard = (table.copy() for table in _truth(train))
-    found = axles, cars, units, brakes
-    onboard = _believe(train, *found, loads, radius_errors, inertia_in_limit, blended)
-    rigid = train.mass if train.couplers is None else 0.0
-    plant = {"body_mass": rigid, "pitches": int(axles.unloading.any())}
-    plant |= _plans(axles, axles.static_load, train.mass, True, onboard["blended"])
-    return TrainRows(*found, effort, retard, plant, onboard)
+    empty, pay = np.array([(car.empty_mass, car.load) for car in train.cars]).T
+    mass = empty + np.maximum(pay if loads is None else loads, 0.0)
+    load = axles.static_load * (mass / cars.mass)[axles.car]
+    axles.believed_radius = axles.radius * (1.0 + np.asarray(radius_errors))
+    blends = int(brakes.size > 0 and (blended or units.size == 0))
+    plans = _plans(axles, load, mass.sum(), inertia_in_limit, blends)
+    turning = GRAVITY * axles.inertia / axles.radius**2 * inertia_in_limit
+    for rows, member in ((units, axles.unit), (brakes, axles.brake)):
+        for k in range(rows.size):
+            inside, row = member == k, rows[k]
+            row.load = load[inside].mean()
+            own = turning[inside].mean() / (GRAVITY * row.load)
+            if rows is brakes:
+                row.turning = own / plans["brake_planned"]
+                continue
+            row.turning, row.brake_turning = own / plans["planned"], own / plans["brake_planned"]
+            row.radius = axles.believed_radius[inside].mean()
+            row.inertia = axles.inertia[inside].mean()
+    if units.size:
+        weight = units.load * units.axles
+        units.mass = weight / weight.mean()
+    names = "resistance", "resistance_linear", "resistance_quadratic"
+    onboard: dict[str, Any] = plans | dict(zip(names, train.resistance, strict=True))
+    onboard |= {"blended": blends, "train_mass": mass.sum()}
+    plant: dict[str, Any] = {"body_mass": train.mass if train.couplers is None else 0.0}
+    plant |= {"pitches": axles.unloading.any(), "parallel": units.slip_torque.any()}
+    plant |= _plans(axles, axles.static_load, train.mass, True, blends)
+    return TrainRows(axles, cars, units, brakes, effort, retard, plant, onboard)
+
+
+def _plans(
+    axles: Rows, load: Floats, mass: float, inertia_in_limit: bool, blended: int
+) -> dict[str, float]:
+    """Coefficients that each m/s2 of a train of `mass` [kg] needs of axles that pull and that brake; `load` (axles,) [N].
+
+    The rail carries what accelerates the train and turns the wheelsets that do not act. What turns those that do comes from
+    their own motors or shoes, on top of a limit.
+    """
+    turning, driven = axles.inertia / axles.radius**2, axles.unit >= 0
+    braked = driven | (axles.brake >= 0) if blended else driven
+    found = {}
+    for name, acting in (("planned", driven), ("brake_planned", braked)):
+        resisting = turning[~acting] if inertia_in_limit else turning
+        found[name] = (mass + resisting.sum()) / load[acting].sum() if acting.any() else 0.0
+    return found
 
 
 @lru_cache(maxsize=64)
@@ -154,54 +193,3 @@ def _truth(train: Train) -> tuple[Any, ...]:
         works = brake.friction_factor * (bogie not in brake.cut_out)
         axles.brake[inside], axles.shoe_gain[inside] = g, brake.force_per_pascal * works
     return axles, cars, units, brakes, *limits
-
-
-# The belief
-
-
-def _plans(
-    axles: Rows, load: Floats, mass: float, inertia_in_limit: bool, blended: int
-) -> dict[str, float]:
-    """Coefficients that each m/s2 of a train of `mass` [kg] needs of axles that pull and that brake; `load` (axles,) [N].
-
-    The rail carries what accelerates the train and turns the wheelsets that do not act. What turns those that do comes from
-    their own motors or shoes, on top of a limit.
-    """
-    turning, driven = axles.inertia / axles.radius**2, axles.unit >= 0
-    braked = driven | (axles.brake >= 0) if blended else driven
-    found = {}
-    for name, acting in (("planned", driven), ("brake_planned", braked)):
-        resisting = turning[~acting] if inertia_in_limit else turning
-        found[name] = (mass + resisting.sum()) / load[acting].sum() if acting.any() else 0.0
-    return found
-
-
-def _believe(
-    train: Train, axles: Rows, cars: Rows, units: Rows, brakes: Rows,
-    loads: Sequence[float] | None, radius_errors: ArrayLike, inertia_in_limit: bool, blended: bool,
-) -> dict[str, Any]:  # fmt: skip
-    """Write what the computers believe into the rows; what they believe of the whole train."""
-    empty, pay = np.array([(car.empty_mass, car.load) for car in train.cars]).T
-    mass = empty + np.maximum(pay if loads is None else loads, 0.0)
-    load = axles.static_load * (mass / cars.mass)[axles.car]
-    axles.believed_radius = axles.radius * (1.0 + np.asarray(radius_errors))
-    blends = int(brakes.size > 0 and (blended or units.size == 0))
-    plans = _plans(axles, load, mass.sum(), inertia_in_limit, blends)
-    turning = GRAVITY * axles.inertia / axles.radius**2 * inertia_in_limit
-    for rows, member in ((units, axles.unit), (brakes, axles.brake)):
-        for k in range(rows.size):
-            inside, row = member == k, rows[k]
-            row.load = load[inside].mean()
-            own = turning[inside].mean() / (GRAVITY * row.load)
-            if rows is brakes:
-                row.turning = own / plans["brake_planned"]
-                continue
-            row.turning, row.brake_turning = own / plans["planned"], own / plans["brake_planned"]
-            row.radius = axles.believed_radius[inside].mean()
-            row.inertia = axles.inertia[inside].mean()
-    if units.size:
-        weight = units.load * units.axles
-        units.mass = weight / weight.mean()
-    names = "resistance", "resistance_linear", "resistance_quadratic"
-    resistance = dict(zip(names, train.resistance, strict=True))
-    return plans | resistance | {"blended": blends, "train_mass": mass.sum()}

@@ -65,9 +65,9 @@ class Train:
             np.zeros(4096),
         )
         given = {
-            "body_mass": mass.sum() if rigid else 0.0, "pitches": 1, "law_offset": 30.0, "scatter_length": 7.0,
-            "conditioning": 0.2, "line_origin": 40.0, "line_spacing": 10.0, "receptivity_mean": 0.7,
-            "receptivity_amplitude": 0.2,
+            "body_mass": mass.sum() if rigid else 0.0, "pitches": 1, "parallel": 1, "law_offset": 30.0,
+            "scatter_length": 7.0, "conditioning": 0.2, "line_origin": 40.0, "line_spacing": 10.0,
+            "receptivity_mean": 0.7, "receptivity_amplitude": 0.2,
         }  # fmt: skip
         made = given | {"curve_number": curve.number} | of_plant
         self.plant = PLANT.rows(1, **made)[0]

@@ -47,10 +47,9 @@ def group_brake_force(
     """
     a = finite_series("acceleration", acceleration, (None,))
     force = -positive_series("mass", mass, ()) * a
-    if front is not None:
-        force = force + finite_series("front", front, a.shape)
-    if rear is not None:
-        force = force - finite_series("rear", rear, a.shape)
+    for sign, name, given in ((1.0, "front", front), (-1.0, "rear", rear)):
+        if given is not None:
+            force = force + sign * finite_series(name, given, a.shape)
     return np.asarray(force - finite_series("resistance", resistance, (), a.shape))
 
 
@@ -118,18 +117,16 @@ def braking_window(
     v = finite_series("speed", speed, p.shape)
     slow = np.flatnonzero(v <= standstill)
     if not slow.size:
-        raise EstimationError(
-            f"averaging: the speed stays above {standstill:g} m/s; pass a `standstill` above {v.min():.3g}"
-        )
+        told = f"{standstill:g} m/s; pass a `standstill` above {v.min():.3g}"
+        raise EstimationError(f"averaging: the speed stays above {told}")
     end = int(slow[0])
     if end == 0:
         raise EstimationError("averaging: the train stands at the first sample already")
     final = float(np.median(p[(3 * end) // 4 : end])) if steady is None else steady
     built = np.flatnonzero(p[:end] >= BUILT_UP * final)
     if not (math.isfinite(final) and final > 0.0 and built.size):
-        raise EstimationError(
-            f"averaging: the pressure does not reach {BUILT_UP:.1%} of {final:g} Pa; is the train braked?"
-        )
+        told = f"{BUILT_UP:.1%} of {final:g} Pa; is the train braked?"
+        raise EstimationError(f"averaging: the pressure does not reach {told}")
     return slice(int(built[0]), end)
 
 
@@ -197,25 +194,24 @@ def smooth_brake_forces(
     measured = car_brake_forces(own, coupler_force, m, resistance)
     difference = np.eye(m.size, m.size - 1, -1) - np.eye(m.size, m.size - 1)
     noise = acceleration_noise**2 * np.diag(m**2) + coupler_noise**2 * difference @ difference.T
-    if own.shape[0] <= BAND:
-        raise EstimationError(
-            f"smoother: {len(own)} samples have no second difference; give 3 or more"
-        )
+    if len(own) <= BAND:
+        told = f"{len(own)} samples have no second difference; give 3 or more"
+        raise EstimationError(f"smoother: {told}")
     # the walk's covariance is diag(m^2) times a number: in force over mass it is the identity
     variance, vectors = np.linalg.eigh(noise / np.outer(m, m))
     y = (measured / m) @ vectors
     least = math.sqrt(SLOWEST * float(variance.min()) / period**3)
     if walk is None:
-        found = minimize_scalar(
-            lambda logarithm: -_solved(y, variance, math.exp(2.0 * logarithm) * period**3)[1],
-            bounds=(math.log(max(WALKS[0], least)), math.log(max(WALKS[1], 10.0 * least))),
-            options={"xatol": 0.02},
-        )  # fmt: skip
+        between = math.log(max(WALKS[0], least)), math.log(max(WALKS[1], 10.0 * least))
+
+        def unlikely(logarithm: float) -> float:
+            return -_solved(y, variance, math.exp(2.0 * logarithm) * period**3)[1]
+
+        found = minimize_scalar(unlikely, bounds=between, options={"xatol": 0.02})
         walk = math.exp(float(found.x))
     elif walk < least:
-        raise EstimationError(
-            f"smoother: walk = {walk:g} is too slow for rounding; give {least:.1g} or more"
-        )
+        told = f"walk = {walk:g} is too slow for rounding; give {least:.1g} or more"
+        raise EstimationError(f"smoother: {told}")
     mean, likelihood, factor = _solved(y, variance, walk**2 * period**3)
     basis = m[:, None] * vectors
     return SmoothedForces(mean @ basis.T, basis, _inverse_diagonal(factor), walk, likelihood)

@@ -4,6 +4,7 @@ A user's own train has the same keys, so a shipped file is a template; `studies.
 means. `[sources]` says where values come from; "assumed" marks one without a source, with the reason why it is plausible.
 """
 
+import math
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import cache, partial
@@ -88,9 +89,10 @@ def _motors(keys: Mapping[str, Any], radius: float, count: int, axle_mass: float
     torque, power = given.get("torque", 0.0), given.get("power", 0.0)
     retard = given.get("brake_torque", torque), given.get("brake_power", power)
     brake = TorqueLimit(*retard, fade_speed=given["fade_speed"])
-    if keys.get("effort_speed_kmh"):
-        table = keys["effort_speed_kmh"], given["effort"]
-        drive = TorqueLimit.of_effort(*table, radius, gear_ratio, max(count, 1))
+    if speeds := keys.get("effort_speed_kmh"):  # of the car at its rims, linear between them
+        kmh = np.arange(min(EFFORT_TABLE_LENGTH, math.ceil(speeds[-1]) + 1))
+        each = radius / (gear_ratio * max(count, 1)) * np.interp(kmh, speeds, given["effort"])
+        drive = TorqueLimit(float(each[0]), 0.0, table=tuple(each.tolist()))
     else:
         drive = TorqueLimit(torque, power, given.get("pull_out_speed", np.inf))
     if "planned_adhesion" in keys:
