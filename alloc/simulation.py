@@ -196,14 +196,6 @@ def set_aims(k, w, record):
 
 
 @jit
-def keep(words, into):
-    """Write rows down: each table's recorded columns are the first words of its rows."""
-    for i in range(into.shape[0]):
-        for c in range(into.shape[1]):
-            into[i, c] = words[i, c]
-
-
-@jit
 def go(k, w, record):
     """Command motors and valves, write the instant down, and go to the next."""
     run = w.run[0]
@@ -224,11 +216,11 @@ def write_down_and_advance(k, w, record):
         w.curve, w.scatter, plant,
     )  # fmt: skip
     note(w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, plant, run)
-    keep(record.axle_words, record.axles_in[k])
-    keep(record.car_words, record.cars_in[k])
-    keep(record.unit_words, record.units_in[k])
-    keep(record.brake_words, record.brakes_in[k])
-    keep(record.run_words, record.run_in[k])
+    for n in range(len(record.kept)):  # recorded columns are the first words of a row
+        live, kept = record.live[n], record.kept[n]
+        for i in range(kept.shape[1]):
+            for c in range(kept.shape[2]):
+                kept[k, i, c] = live[i, c]
     advance(
         run.time, w.state, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard, w.curve,
         w.scatter, w.rail, plant, record.brakes,

@@ -142,7 +142,7 @@ def independent(t, y, w):
         offered = offered + (a.recovery + a.cleaned - a.recovery * a.cleaned) * np.maximum(
             p.recovered_coefficient - offered, 0.0
         )
-    curve = next(one() for one in CURVES.values() if one.number == p.curve)
+    curve = next(one() for one in CURVES.values() if one.number == p.curve_number)
     mu = curve(a.radius * omega - speed, offered, speed, a.contact)
     pull = np.bincount(a.car, mu * a.static_load)
     if p.pitches:
