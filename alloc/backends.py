@@ -61,7 +61,7 @@ _TEXT = inspect.getsource(laws)
 compiled: Any = with_operations(
     _Lazy().visit(ast.parse(_TEXT)), numba_law,
     maximum=_maximum, minimum=_minimum, absolute=abs, exp=math.exp, sqrt=math.sqrt, copysign=math.copysign,
-    atan=math.atan, floor=math.floor, sine=math.sin,
+    atan=math.atan, sine=math.sin,
 )  # fmt: skip
 
 
@@ -74,7 +74,6 @@ def __getattr__(name: str) -> Any:
     globals()[name] = with_operations(
         ast.parse(_TEXT), casadi_law,
         where=casadi.if_else, maximum=casadi.fmax, minimum=casadi.fmin, absolute=casadi.fabs, exp=casadi.exp,
-        sqrt=casadi.sqrt, copysign=lambda a, b: a * casadi.sign(b), atan=casadi.atan, floor=casadi.floor,
-        sine=casadi.sin,
+        sqrt=casadi.sqrt, copysign=lambda a, b: a * casadi.sign(b), atan=casadi.atan, sine=casadi.sin,
     )  # fmt: skip
     return globals()[name]

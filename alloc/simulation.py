@@ -57,12 +57,9 @@ class Simulation:
 
     def __init__(self, event: Event, rule: str | Rule, controller: str | Controller) -> None:
         if not isinstance(event, Event):
-            scenario = hasattr(event, "event")
-            hint = (
-                "its method event(seed) gives one"
-                if scenario
-                else "readhesion.simulate takes names too"
-            )
+            hint = "readhesion.simulate takes names too"
+            if hasattr(event, "event"):  # a scenario
+                hint = "its method event(seed) gives one"
             raise SimulationError(f"{event!r:.60} is no Event: {hint}")
         self.rule: Rule = _part(RULES, Rule, rule)
         self.controller: Controller = _part(CONTROLLERS, Controller, controller)
@@ -134,12 +131,9 @@ def _part(registry: Registry[Any], kind: type, given: Any) -> Any:
     if isinstance(given, str):
         return registry.find(given)
     if not isinstance(given, kind):
-        several = isinstance(given, list | tuple)
-        hint = (
-            "a run has one; `readhesion.compare` takes several"
-            if several
-            else f"give its name, or {kind.__name__}(...)"
-        )
+        hint = f"give its name, or {kind.__name__}(...)"
+        if isinstance(given, list | tuple):
+            hint = "a run has one; `readhesion.compare` takes several"
         raise SimulationError(f"{registry.kind} = {given!r:.60}: {hint}")
     return given
 
