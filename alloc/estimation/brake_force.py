@@ -1,6 +1,6 @@
 """Brake force of each car from coupler forces and accelerations: RTRI report (2) to (9), and smoothed over the stop.
 
-In: series of coupler forces and accelerations, (instants, cars). Out: forces [N] with their uncertainty.
+In: series of coupler forces and accelerations, (instants, cars). Out: forces [N], and what constant errors make of them.
 
 Couplers serve as force sensors. Cars count from the front; coupler k joins cars k and k + 1. Its force is positive in
 tension, accelerations are positive forwards (negative while braking), brake forces positive against the motion.
@@ -11,7 +11,6 @@ locomotive's. The report does not say which one it means.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -134,9 +133,8 @@ def braking_window(
 # every instant whatever the couplers do: their forces are measured, so no model of them is needed. Neighbours share the
 # noise of the coupler between them; in coordinates in which that noise and the walk are both diagonal this is one scalar
 # series per coordinate. The rate of each force is a random walk: a cylinder builds the force up, then friction changes with
-# the speed. (With a force that is a walk itself the stated variance was twice that of the errors.) All samples together are
-# a Gaussian with a banded precision, (noise)^-1 + D' D / q with second differences D. Its Cholesky factor gives forces and
-# likelihood, the recursion of Takahashi (Erisman and Tinney 1975, Comm. ACM 18) the variances.
+# the speed. All samples together are a Gaussian with a banded precision, (noise)^-1 + D' D / q with second differences D.
+# Its Cholesky factor gives forces and likelihood.
 
 WALKS = (1e-3, 1e3)
 """Range [m/s3 per root second] of the walk: from rates that hardly change to a full brake within a sample."""
@@ -146,30 +144,15 @@ BAND = 2
 """Samples on either side to which a second difference ties a sample."""
 
 
-@dataclass(frozen=True, eq=False)
-class SmoothedForces:
+class SmoothedForces(NamedTuple):
     """Brake forces after all measurements."""
 
     force: Floats
     """[N], (time, cars)."""
-    basis: Floats
-    """(cars, cars): force = basis @ coordinates; the coordinates' errors are independent."""
-    variance: Floats
-    """Posterior variance of the coordinates, (time, cars)."""
     walk: float
     """Change of the rate of force over mass in a second, as deviation [m/s3 per root second], as given or as estimated."""
     log_likelihood: float
     """Log likelihood of the second differences of the measurements: a straight line has no prior."""
-
-    @property
-    def deviation(self) -> Floats:
-        """Posterior standard deviation of each force [N], (time, cars); add constant errors of the sensors."""
-        return np.asarray(np.sqrt(self.variance @ (self.basis**2).T))
-
-    def total(self, cars: slice) -> tuple[Floats, Floats]:
-        """Sum of these cars' forces [N] and its posterior deviation, two (time,)."""
-        part = self.basis[cars].sum(axis=0)
-        return self.force[:, cars].sum(axis=1), np.sqrt(self.variance @ part**2)
 
 
 def smooth_brake_forces(
@@ -212,13 +195,12 @@ def smooth_brake_forces(
     elif walk < least:
         told = f"walk = {walk:g} is too slow for rounding; give {least:.1g} or more"
         raise EstimationError(f"smoother: {told}")
-    mean, likelihood, factor = _solved(y, variance, walk**2 * period**3)
-    basis = m[:, None] * vectors
-    return SmoothedForces(mean @ basis.T, basis, _inverse_diagonal(factor), walk, likelihood)
+    mean, likelihood = _solved(y, variance, walk**2 * period**3)
+    return SmoothedForces(mean @ (m[:, None] * vectors).T, walk, likelihood)
 
 
-def _solved(y: Floats, noise: Floats, bend: float) -> tuple[Floats, float, Floats]:
-    """Most likely series (time, cars), log-likelihood, and Cholesky factors (bands, time, cars), lower.
+def _solved(y: Floats, noise: Floats, bend: float) -> tuple[Floats, float]:
+    """Most likely series (time, cars), and log-likelihood.
 
     `noise` (cars,): variance of a sample; `bend`: variance of a second difference.
     """
@@ -227,7 +209,7 @@ def _solved(y: Floats, noise: Floats, bend: float) -> tuple[Floats, float, Float
     for k, one in enumerate((1.0, -2.0, 1.0)):
         for j, other in enumerate((1.0, -2.0, 1.0)[k:]):
             precision[j, k : samples - BAND + k] += one * other / bend
-    x, factors, likelihood = np.empty_like(y), np.empty((BAND + 1, *y.shape)), 0.0
+    x, likelihood = np.empty_like(y), 0.0
     for k, own in enumerate(noise):
         precision[0] += 1.0 / own
         factor = cholesky_banded(precision, lower=True, check_finite=False)
@@ -236,21 +218,7 @@ def _solved(y: Floats, noise: Floats, bend: float) -> tuple[Floats, float, Float
         misfit = float(y[:, k] @ (y[:, k] - x[:, k])) / own
         determinant = 2.0 * float(np.log(factor[0]).sum()) + samples * math.log(own)
         likelihood -= 0.5 * (misfit + determinant + (samples - BAND) * math.log(2.0 * np.pi * bend))
-        factors[:, :, k] = factor
-    return x, likelihood, factors
-
-
-def _inverse_diagonal(factors: Floats) -> Floats:
-    """Diagonal (time, cars) of the inverses of L L' from banded L (bands, time, cars), from the last sample back."""
-    samples = factors.shape[1]
-    size = 1.0 / factors[0] ** 2
-    one, two = factors[1] / factors[0], factors[2] / factors[0]
-    diagonal, beside = np.zeros((2, samples + BAND, factors.shape[2]))
-    for k in reversed(range(samples)):
-        far = -one[k] * beside[k + 1] - two[k] * diagonal[k + 2]
-        beside[k] = -one[k] * diagonal[k + 1] - two[k] * beside[k + 1]
-        diagonal[k] = size[k] - one[k] * beside[k] - two[k] * far
-    return diagonal[:samples]
+    return x, likelihood
 
 
 class CalibrationErrors(NamedTuple):
