@@ -101,27 +101,25 @@ class BrakeRigging(NamedTuple):
 
 BUILT_UP = 0.632
 """Share of the steady cylinder pressure from which the report averages: dead time and one time constant have passed."""
+STANDSTILL = 0.5
+"""Speed [m/s] from which on the train counts as stopped."""
 
 
-def braking_window(
-    pressure: ArrayLike, speed: ArrayLike, steady: float | None = None, standstill: float = 0.5
-) -> slice:
+def braking_window(pressure: ArrayLike, speed: ArrayLike) -> slice:
     """Samples from 63.2 % of the steady cylinder pressure to standstill, the report's window.
 
-    `pressure` (time,) [Pa] of one cylinder, `speed` (time,) [m/s]. `steady` [Pa]: its final value; None: the median of the
-    last quarter before standstill. `standstill` [m/s]: speed below which the train counts as stopped. Raises
-    `EstimationError` where there is no window.
+    `pressure` (time,) [Pa] of one cylinder, steady at the median of the last quarter before standstill; `speed` (time,)
+    [m/s]. Raises `EstimationError` where there is no window.
     """
     p = finite_series("pressure", pressure, (None,))
     v = finite_series("speed", speed, p.shape)
-    slow = np.flatnonzero(v <= standstill)
+    slow = np.flatnonzero(v <= STANDSTILL)
     if not slow.size:
-        told = f"{standstill:g} m/s; pass a `standstill` above {v.min():.3g}"
-        raise EstimationError(f"averaging: the speed stays above {told}")
+        raise EstimationError(f"averaging: the speed stays above {STANDSTILL:g} m/s")
     end = int(slow[0])
     if end == 0:
         raise EstimationError("averaging: the train stands at the first sample already")
-    final = float(np.median(p[(3 * end) // 4 : end])) if steady is None else steady
+    final = float(np.median(p[(3 * end) // 4 : end]))
     built = np.flatnonzero(p[:end] >= BUILT_UP * final)
     if not (math.isfinite(final) and final > 0.0 and built.size):
         told = f"{BUILT_UP:.1%} of {final:g} Pa; is the train braked?"

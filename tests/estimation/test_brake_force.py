@@ -95,8 +95,6 @@ def test_the_window_runs_from_one_time_constant_to_standstill():
     window = braking_window(PRESSURE, SPEED)
     assert TIME[window.start] == pytest.approx(1.0 + 1.5, abs=0.02)
     assert SPEED[window.stop] <= 0.5 < SPEED[window.stop - 1]
-    assert braking_window(PRESSURE, SPEED, steady=300e3).start < window.start
-    assert braking_window(PRESSURE, SPEED, standstill=5.0).stop < window.stop
 
 
 MASS = np.array([96e3, 59e3, 62e3, 55e3, 59e3])
