@@ -88,6 +88,10 @@ def _options(function: Any) -> dict[str, Any]:
     return {"error_model": "numpy", "cache": FOLDER is not None and has_file}
 
 
+part: Any = numba.njit(inline="always", error_model="numpy", cache=FOLDER is not None)
+"""Decorator of a part of one or two compiled functions, which is inlined: handing many arrays down takes time."""
+
+
 @contextmanager
 def _said(name: str) -> Iterator[None]:
     """Says at a terminal that something is being compiled, once it takes long; the line goes when it is done."""

@@ -12,11 +12,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from alloc import laws
 from alloc.backends import compiled as law
-from alloc.compilation import jit
+from alloc.compilation import jit, part
 from alloc.curves import PIECEWISE, coefficient, steepest, top
 from alloc.tables import Rows
 
@@ -31,10 +30,6 @@ STROKE = 0.1
 """Longest elongation of a coupler [m] for which a step is stable."""
 SMALLEST = 1e-150
 """Size of a state below which it is zero."""
-
-
-part: Any = njit(inline="always", error_model="numpy")
-"""Decorator of a part of the right side, which is inlined: a run then takes about a sixth less time."""
 
 
 @jit

@@ -15,7 +15,7 @@ import xarray as xr
 from numba import boolean, int64, typeof, void
 from numba.extending import register_jitable
 
-from alloc.compilation import jit
+from alloc.compilation import jit, part
 from alloc.errors import InputError, SimulationError
 from alloc.event import Event
 from alloc.onboard.controllers import CONTROLLERS, Controller
@@ -138,10 +138,10 @@ def _part(registry: Registry[Any], kind: type, given: Any) -> Any:
     return given
 
 
-# An instant, in its order; each piece is compiled by itself.
+# An instant, in its order. Each piece is inlined in the loop, and compiled by itself where Python calls it.
 
 
-@jit
+@part
 def listen(k, w):
     """Command and readings of instant k, and what each unit would say of itself."""
     run, onboard, plant = w.run[0], w.onboard[0], w.plant[0]
@@ -169,16 +169,7 @@ def listen(k, w):
         run.needed += trailers_lack(w.units, w.brakes, run)
 
 
-@jit
-def see(w):
-    """What no computer on board can know."""
-    true_limits(
-        w.run[0].time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.curve, w.scatter,
-        w.plant[0], w.run[0],
-    )  # fmt: skip
-
-
-@jit
+@part
 def set_aims(k, w, record):
     """Limits that have arrived, and what they ask of motors and air."""
     run, onboard = w.run[0], w.onboard[0]
@@ -189,7 +180,7 @@ def set_aims(k, w, record):
         set_targets(w.units, onboard, run)
 
 
-@jit
+@part
 def go(k, w, record):
     """Command motors and valves, write the instant down, and go to the next."""
     run = w.run[0]
@@ -201,7 +192,7 @@ def go(k, w, record):
     write_down_and_advance(k, w, record)
 
 
-@jit
+@part
 def write_down_and_advance(k, w, record):
     """The plant at instant k as it is recorded, and a control period under what motors and valves are commanded."""
     plant, run = w.plant[0], w.run[0]
@@ -224,20 +215,23 @@ def write_down_and_advance(k, w, record):
 # Both may be called from Python, with parts in Python, and from the compiled loop.
 
 
-@register_jitable
+@register_jitable(inline="always")
 def aim(belief, law, knows, k, w, record):
     """Up to the targets of instant k."""
     run = w.run[0]
     listen(k, w)
     if knows:
-        see(w)
+        true_limits(
+            run.time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.curve, w.scatter,
+            w.plant[0], run,
+        )  # fmt: skip
     if belief(k, w.units, record.units, w.heard, run):
         run.asked += 1
         run.level = law(w.units, run)
     set_aims(k, w, record)
 
 
-@register_jitable
+@register_jitable(inline="always")
 def command(control, w):
     """What the readhesion controller of each unit commands."""
     for j in range(w.units.size):
