@@ -7,7 +7,6 @@ compiled code `where(c, a, b)` becomes `a if c else b`, so that of two expensive
 import ast
 import inspect
 import math
-from collections.abc import Callable
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -24,16 +23,16 @@ class _Lazy(ast.NodeTransformer):
         return node
 
 
-def with_operations(tree: ast.Module, finish: Callable[[Any], Any], **operations: Any) -> Any:
+def _laws(name: str, tree: ast.Module, finish: Any = None, **operations: Any) -> Any:
     """A module of the laws as `tree` has them, with these operations; each law is passed through `finish`."""
-    module = ModuleType(f"{laws.__name__}_{finish.__name__}")
+    module = ModuleType(f"{laws.__name__}_{name}")
     scope = vars(module)
     scope["__name__"] = laws.__name__
     exec(compile(ast.fix_missing_locations(tree), str(laws.__file__), "exec"), scope)
     scope.update(operations)
-    for name, law in list(scope.items()):
-        if isinstance(law, FunctionType) and law.__module__ == laws.__name__:
-            scope[name] = finish(law)
+    for key, law in list(scope.items()):
+        if finish and isinstance(law, FunctionType) and law.__module__ == laws.__name__:
+            scope[key] = finish(law)
     return module  # Numba reads attributes of modules
 
 
@@ -47,21 +46,11 @@ def _minimum(a, b):
     return a if a < b else b
 
 
-def numba_law(law: Any) -> Any:
-    """A law that is compiled as a part of what calls it."""
-    return njit(error_model="numpy")(law)
-
-
-def casadi_law(law: Any) -> Any:
-    """A law of symbols is the function itself."""
-    return law
-
-
 _TEXT = inspect.getsource(laws)
-compiled: Any = with_operations(
-    _Lazy().visit(ast.parse(_TEXT)), numba_law,
+compiled: Any = _laws(
+    "compiled", _Lazy().visit(ast.parse(_TEXT)), njit(error_model="numpy"),
     maximum=_maximum, minimum=_minimum, absolute=abs, exp=math.exp, sqrt=math.sqrt, copysign=math.copysign,
-    atan=math.atan, floor=math.floor, sine=math.sin,
+    atan=math.atan, sine=math.sin,
 )  # fmt: skip
 
 
@@ -71,10 +60,9 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     import casadi
 
-    globals()[name] = with_operations(
-        ast.parse(_TEXT), casadi_law,
+    globals()[name] = _laws(
+        name, ast.parse(_TEXT),
         where=casadi.if_else, maximum=casadi.fmax, minimum=casadi.fmin, absolute=casadi.fabs, exp=casadi.exp,
-        sqrt=casadi.sqrt, copysign=lambda a, b: a * casadi.sign(b), atan=casadi.atan, floor=casadi.floor,
-        sine=casadi.sin,
+        sqrt=casadi.sqrt, copysign=lambda a, b: a * casadi.sign(b), atan=casadi.atan, sine=casadi.sin,
     )  # fmt: skip
     return globals()[name]

@@ -1,12 +1,14 @@
 """The tables of a run: what the plant is and does, what the train's computers know and decide.
 
 On board everything counts in the direction of the demand: torques, limits and slips are positive while wheels are driven or
-braked as asked, and `RUN.sign` says which way that is. In the plant, traction is positive.
+braked as asked, and `RUN.sign` says which way that is. In the plant, traction is positive. A column is a line.
 """
 
 import math
 
 from alloc.tables import Column, Table
+
+# fmt: off
 
 INF, NAN = math.inf, math.nan
 ONE = "1"
@@ -22,34 +24,21 @@ AXLE = Table(
     brake=Column(-1, ONE, "air brake group of the axle, 0 = foremost, -1: none"),
     offset=Column(0.0, "m", "position from the train's front, negative"),
     radius=Column(0.43, "m", "wheel radius"),
-    inertia=Column(
-        100.0, "kg m2", "inertia of the wheelset with what is geared to it, at the wheel"
-    ),
+    inertia=Column(100.0, "kg m2", "inertia of the wheelset with what is geared to it, at the wheel"),
     gear=Column(0.0, ONE, "gear ratio; 0: not driven"),
     static_load=Column(1e5, "N", "axle load at rest"),
     unloading=Column(0.0, ONE, "axle load lost per newton of the car's rail force"),
-    shoe_gain=Column(
-        0.0, "N Pa-1", "shoe force at the rim over cylinder pressure, before friction"
-    ),
+    shoe_gain=Column(0.0, "N Pa-1", "shoe force at the rim over cylinder pressure, before friction"),
     # the rail under it
-    law_numerator=Column(
-        0.0, "km h-1", "numerator of the speed law of adhesion", source="JP5484215 (12)"
-    ),
+    law_numerator=Column(0.0, "km h-1", "numerator of the speed law of adhesion", source="JP5484215 (12)"),
     law_constant=Column(0.15, ONE, "constant of the speed law of adhesion"),
     increment=Column(0.0, ONE, "growth of adhesion along the train", source="JP5484215 (15)"),
     contact=Column(1.0, ONE, "creep stiffness of its contacts over that of the curve"),
     # of the instant
-    cleaned=Column(
-        0.0,
-        ONE,
-        "degree to which wheels ahead have cleaned the rail under it",
-        source="JP4209318 par. 0051",
-    ),
+    cleaned=Column(0.0, ONE, "degree to which wheels ahead have cleaned the rail under it", source="JP4209318 par. 0051"),
     recovery=Column(0.0, ONE, "degree to which dissipated energy has cleaned its own contact"),
     cell=Column(0, ONE, "last cell of rail that it has left behind"),
-    offered=Column(
-        0.0, ONE, "adhesion coefficient that the rail offers, parameter of the curve", True
-    ),
+    offered=Column(0.0, ONE, "adhesion coefficient that the rail offers, parameter of the curve", True),
     coefficient=Column(0.0, ONE, "tangential force coefficient", True),
     axle_load=Column(0.0, "N", "axle load", True),
     rail_force=Column(0.0, "N", "tangential force between wheel and rail", True),
@@ -63,11 +52,7 @@ AXLE = Table(
     lost=Column(1e9, "s", "instant from which its speed signal is lost"),
     back=Column(1e9, "s", "instant at which that signal is back"),
     reading=Column(0.0, "m s-1", "rim speed as read"),
-    ahead=Column(
-        0.0,
-        "m s-1",
-        "how far it runs ahead of the reference speed, mean of the last tenth of a second",
-    ),
+    ahead=Column(0.0, "m s-1", "how far it runs ahead of the reference speed, mean of the last tenth of a second"),
     slide=Column(0.0, "m s-1", "its slide behind the filter of the slide protection"),
 )
 
@@ -77,9 +62,7 @@ CAR = Table(
     mass=Column(4e4, "kg", "mass with load"),
     middle=Column(0.0, "m", "its middle from the train's front, negative"),
     resistance=Column(0.0, "N", "running resistance at rest"),
-    resistance_linear=Column(
-        0.0, "N s m-1", "part of the running resistance that grows with the speed"
-    ),
+    resistance_linear=Column(0.0, "N s m-1", "part of the running resistance that grows with the speed"),
     resistance_quadratic=Column(0.0, "N s2 m-2", "part that grows with its square, the air's"),
     stiffness=Column(0.0, "N m-1", "stiffness of the coupler behind it"),
     stiffening=Column(0.0, "N m-3", "growth of that stiffness with the square of the stroke"),
@@ -98,11 +81,7 @@ UNIT = Table(
     # the train, true
     lag=Column(0.005, "s", "time constant of the torque", source="readhesion paper, section 2.2"),
     failure=Column(1e9, "s", "instant at which its motors fail"),
-    slip_torque=Column(
-        0.0,
-        "N m s rad-1",
-        "motors in parallel on one frequency: torque over speed between motor and field",
-    ),
+    slip_torque=Column(0.0, "N m s rad-1", "motors in parallel on one frequency: torque over speed between motor and field"),
     true_radius=Column(0.43, "m", "wheel radius"),
     applied=Column(0.0, "N m", "torque command to each motor, positive driving"),
     # the train, as believed
@@ -112,37 +91,27 @@ UNIT = Table(
     radius=Column(0.43, "m", "wheel radius"),
     inertia=Column(100.0, "kg m2", "mean inertia of its wheelsets"),
     gear=Column(7.0, ONE, "gear ratio"),
-    turning=Column(
-        0.0, ONE, "torque that turns its wheelsets over what the rail receives, at the plan"
-    ),
+    first=Column(0, ONE, "its foremost axle, 0 = foremost of the train"),
+    last=Column(4, ONE, "its hindmost axle and one"),
+    turning=Column(0.0, ONE, "torque that turns its wheelsets over what the rail receives, at the plan"),
     brake_turning=Column(0.0, ONE, "the same in blended braking"),
-    increment=Column(
-        0.0, ONE, "increment of adhesion over the foremost unit", source="JP5484215 (5)"
-    ),
+    increment=Column(0.0, ONE, "increment of adhesion over the foremost unit", source="JP5484215 (5)"),
     deviation=Column(0.0, ONE, "standard deviation of its cap about the truth"),
     # as sensed
     works=Column(1, ONE, "whether its motors work, as the train knows", True),
     seen=Column(4, ONE, "number of its axles whose speed is known"),
     rim=Column(0.0, "m s-1", "mean rim speed of its axles whose speed is known"),
-    unseen=Column(
-        0.0,
-        "m s-1",
-        "sum of the rim speeds of its other axles, by its motors' speed at the inverter",
-    ),
+    unseen=Column(0.0, "m s-1", "sum of the rim speeds of its other axles, by its motors' speed at the inverter"),
     runs_away=Column(0, ONE, "whether those are seen to run away", True),
     motor_torque=Column(0.0, "N m", "torque of each motor", True),
     drive_limit=Column(0.0, "N m", "most that each motor can pull with at its rim speed"),
     brake_limit=Column(0.0, "N m", "most that each motor can brake with at its rim speed"),
     air=Column(0.0, "N", "air brake force per axle, by the pressure of its cylinders"),
     filtered=Column(NAN, "m s-1", "rim speed behind the filter of the differentiator"),
-    computed_acceleration=Column(
-        0.0, "m s-2", "acceleration of its axles as the slip detector computes it", True
-    ),
+    computed_acceleration=Column(0.0, "m s-2", "acceleration of its axles as the slip detector computes it", True),
     observed=Column(NAN, "N m", "filter state of the disturbance observer", source="JP5484215 (3)"),
     observed_input=Column(0.0, "N m", "last input of that filter"),
-    coefficient_estimate=Column(
-        0.0, ONE, "observer's estimate of the coefficient", True, "JP5484215 (4), (18)"
-    ),
+    coefficient_estimate=Column(0.0, ONE, "observer's estimate of the coefficient", True, "JP5484215 (4), (18)"),
     worst_slip=Column(0.0, "m s-1", "slip of its worst axle against the reference speed", True),
     slipping=Column(0, ONE, "signal of the slip detector", True, "JP5484215 Fig. 5"),
     detected=Column(NEVER, "s", "instant of its last detection", True),
@@ -150,9 +119,7 @@ UNIT = Table(
     held=Column(0.0, ONE, "estimate held at the last detection", True, "JP5484215 (5)"),
     # as reported
     delivered=Column(0.0, ONE, "limit at which it would deliver what it delivers", True),
-    limited=Column(
-        NEVER, "s", "last instant at which adhesion, its motors or a failure limited it", True
-    ),
+    limited=Column(NEVER, "s", "last instant at which adhesion, its motors or a failure limited it", True),
     # of the leader
     cap=Column(INF, ONE, "what the leader believes that it can carry", True, "JP5484215 (5)"),
     heard=Column(0.0, ONE, "what it delivers, as the leader heard"),
@@ -165,9 +132,7 @@ UNIT = Table(
     # of its own computer
     limit=Column(0.0, ONE, "limit in force, as a coefficient", True),
     follows=Column(0, ONE, "whether that is an order of the leader"),
-    fallen_back=Column(
-        0, ONE, "whether it has heard nothing for too long and keeps the plan", True
-    ),
+    fallen_back=Column(0, ONE, "whether it has heard nothing for too long and keeps the plan", True),
     pattern=Column(0.0, "N m", "torque of each motor that would follow the limit alone"),
     torque_target=Column(0.0, "N m", "torque wanted of each motor under the limit", True),
     torque_command=Column(0.0, "N m", "torque command to each motor", True),
@@ -176,9 +141,7 @@ UNIT = Table(
     foreseen=Column(0.0, "N m", "torque that its motors give if the line takes it"),
     taken=Column(INF, "N m", "braking torque that the line turns out to take"),
     kept=Column(1.0, ONE, "share of its part that the air brake keeps"),
-    air_brake_force=Column(
-        0.0, "N", "air brake force asked for per axle of the unit, at the rim", True
-    ),
+    air_brake_force=Column(0.0, "N", "air brake force asked for per axle of the unit, at the rim", True),
     protected=Column(0, ONE, "whether valves of its air brakes hold or release"),
     faults=Column(0, ONE, "calls in which its controller's solver failed"),
 )
@@ -196,18 +159,12 @@ BRAKE = Table(
     friction_constant=Column(1.0, ONE, "constant of shoe friction over speed"),
     gain=Column(0.0, "N Pa-1", "shoe force of an axle over pressure, as believed"),
     load=Column(1e5, "N", "mean load of its axles, as believed"),
-    turning=Column(
-        0.0, ONE, "force that turns its wheelsets over what the rail receives, at the plan"
-    ),
+    turning=Column(0.0, ONE, "force that turns its wheelsets over what the rail receives, at the plan"),
     share=Column(1.0, ONE, "brake force asked of a trailer over its part of the plan"),
     most=Column(INF, "N", "force per axle that the oracle allows it"),
-    severity=Column(
-        0.0, ONE, "what its worst axle asks of the valves: 0 supply, 1 hold, 2 release"
-    ),
+    severity=Column(0.0, ONE, "what its worst axle asks of the valves: 0 supply, 1 hold, 2 release"),
     pressure_target=Column(0.0, "Pa", "pressure commanded", True),
-    valve=Column(
-        0.0, ONE, "slide protection's valves: 0 supply, 1 hold, 2 release", True, "JP4209318"
-    ),
+    valve=Column(0.0, ONE, "slide protection's valves: 0 supply, 1 hold, 2 release", True, "JP4209318"),
     filling=Column(0.0, "Pa", "pressure to which it fills, behind the dead time"),
     acting=Column(0.0, ONE, "position of its valves, behind the dead time"),
     cylinder_pressure=Column(0.0, "Pa", "brake cylinder pressure", True),
@@ -237,74 +194,42 @@ PLANT = Table(
     step=Column(0.002, "s", "integration step"),
     body_mass=Column(0.0, "kg", "mass of a rigid train; 0: cars move by themselves"),
     pitches=Column(0, ONE, "whether rail forces shift loads"),
-    curve=Column(0, ONE, "number of the adhesion curve in `alloc.curves`"),
-    curve_values=Column((0.0,) * 8, ONE, "parameters of the curve"),
+    parallel=Column(0, ONE, "whether motors of a unit share a frequency"),
+    curve_number=Column(0, ONE, "number of the adhesion curve in `alloc.curves`"),
     law_offset=Column(1.0, "km h-1", "offset of the speed law of adhesion"),
     scatter_length=Column(0.0, "m", "distance of the scatter's knots; 0: no scatter"),
-    conditioning=Column(
-        0.0,
-        ONE,
-        "relative gain of adhesion behind a wheel that slips much",
-        source="JP4209318 par. 0051",
-    ),
+    conditioning=Column(0.0, ONE, "relative gain of adhesion behind a wheel that slips much", source="JP4209318 par. 0051"),
     conditioning_slip=Column(0.05, ONE, "slip ratio that cleans the rail to 63 %"),
-    recovered=Column(
-        0.0, ONE, "coefficient to which dissipated energy raises a lower one; 0: it does not"
-    ),
-    recovery_energy=Column(
-        4200.0, "J m-1", "energy on a metre of rail that recovers 76 % of the difference"
-    ),
+    recovered_coefficient=Column(0.0, ONE, "coefficient to which dissipated energy raises a lower one; 0: it does not"),
+    recovery_energy=Column(4200.0, "J m-1", "energy on a metre of rail that recovers 76 % of the difference"),
     recovery_time=Column(0.1, "s", "time constant of the recovery"),
-    recovery_left=Column(
-        0.25, ONE, "share of an axle's recovery that stays on the rail for those behind"
-    ),
-    cell=Column(0.1, "m", "resolution of the cleaned rail"),
+    recovery_left=Column(0.25, ONE, "share of an axle's recovery that stays on the rail for those behind"),
+    cleaning_spacing=Column(0.1, "m", "resolution of the cleaned rail"),
     line_origin=Column(0.0, "m", "begin of the line's points"),
     line_spacing=Column(5.0, "m", "distance of the line's points"),
-    receptivity=Column(1.0, ONE, "mean share of the electric brake that the line takes"),
-    receptivity_swing=Column(0.0, ONE, "amplitude of that share"),
+    receptivity_mean=Column(1.0, ONE, "mean share of the electric brake that the line takes"),
+    receptivity_amplitude=Column(0.0, ONE, "amplitude of that share"),
     receptivity_period=Column(3.0, "s", "period of that share"),
     receptivity_phase=Column(0.0, "rad", "phase of that share"),
-    planned=Column(
-        0.0,
-        "s2 m-1",
-        "coefficient that each m/s2 asked for needs of every driven axle, by the true masses",
-    ),
+    planned=Column(0.0, "s2 m-1", "coefficient that each m/s2 asked for needs of every driven axle, by the true masses"),
     brake_planned=Column(0.0, "s2 m-1", "the same of every axle that acts in blended braking"),
 )
 
 ONBOARD = Table(
     "onboard",  # one row: numbers of the train's computers
-    planned=Column(
-        0.2,
-        "s2 m-1",
-        "coefficient that each m/s2 asked for needs, as believed",
-        source="JP5484215 (6)",
-    ),
+    planned=Column(0.2, "s2 m-1", "coefficient that each m/s2 asked for needs, as believed", source="JP5484215 (6)"),
     brake_planned=Column(0.1, "s2 m-1", "the same in blended braking"),
     blended=Column(1, ONE, "whether every car brakes itself"),
     blend_time=Column(4.0, "s", "time in which motors take over a full brake from the air"),
-    release_speed=Column(
-        0.5, "m s-1", "reference speed below which the driver releases the brakes"
-    ),
-    inertia_in_limit=Column(
-        1, ONE, "whether a target holds the torque that turns the wheelsets", source="JP5484215 (6)"
-    ),
-    inertia_in_estimate=Column(
-        1,
-        ONE,
-        "whether (18) counts the torque that decelerates the wheelsets",
-        source="JP5484215 (18)",
-    ),
-    air_commanded=Column(
-        0, ONE, "whether (18) takes the air brake force commanded", source="JP5484215 (18)"
-    ),
+    release_speed=Column(0.5, "m s-1", "reference speed below which the driver releases the brakes"),
+    inertia_in_limit=Column(1, ONE, "whether a target holds the torque that turns the wheelsets", source="JP5484215 (6)"),
+    inertia_in_estimate=Column(1, ONE, "whether (18) counts the torque that decelerates the wheelsets",
+                               source="JP5484215 (18)"),
+    air_commanded=Column(0, ONE, "whether (18) takes the air brake force commanded", source="JP5484215 (18)"),
     quantum=Column(0.0, "m s-1", "step to which a speed is rounded; 0: none"),
     pole=Column(40.0, "s-1", "pole of the detector's differentiator"),
     slip_on=Column(1.5, "m s-2", "acceleration of slip", source="JP5484215 Fig. 5"),
-    slip_off=Column(
-        0.75, "m s-2", "acceleration below which slip has ended", source="JP5484215 Fig. 5"
-    ),
+    slip_off=Column(0.75, "m s-2", "acceleration below which slip has ended", source="JP5484215 Fig. 5"),
     speed_on=Column(0.6, "m s-1", "slip velocity of slip"),
     observer_pole=Column(25.0, "s-1", "pole a of the disturbance observer", source="JP5484215 (3)"),
     silence=Column(1.0, "s", "a unit that has heard nothing for so long keeps the plan"),
@@ -314,9 +239,7 @@ ONBOARD = Table(
     reading=Column(0.01, "m s-1", "deviation of a reading beside noise"),
     creep=Column(0.003, ONE, "deviation of a rolling wheel's slip ratio"),
     repeats=Column(30.0, ONE, "periods over which that is the same"),
-    unknown_most=Column(
-        0.1, "m s-2", "deviation of the specific force that nothing explains, at most"
-    ),
+    unknown_most=Column(0.1, "m s-2", "deviation of the specific force that nothing explains, at most"),
     walk=Column(0.002, "m s-2.5", "its walk per root of time"),
     gate=Column(2.0, ONE, "deviations ahead beyond which an axle slips"),
     doubt=Column(0.1, "m s-1", "deviation of the reference speed at which a unit is eased"),
@@ -353,22 +276,15 @@ RUN = Table(
     time=Column(0.0, "s", "time", True),
     driver_command=Column(0.0, "m s-2", "acceleration asked for on level track", True),
     planned_coefficient=Column(
-        0.0,
-        ONE,
-        "coefficient that the driver's command needs of every acting axle, by true masses",
-        True,
+        0.0, ONE, "coefficient that the driver's command needs of every acting axle, by true masses", True
     ),
     sign=Column(1.0, ONE, "direction of the demand: 1 pulling, -1 braking"),
     braking=Column(0, ONE, "whether brakes are blended now"),
-    plan=Column(
-        0.0, ONE, "coefficient that the plan needs, as the train computes it", True, "JP5484215 (6)"
-    ),
+    plan=Column(0.0, ONE, "coefficient that the plan needs, as the train computes it", True, "JP5484215 (6)"),
     needed=Column(0.0, ONE, "the plan, and what trailers' brakes lack of theirs", True),
     leader=Column(0, ONE, "foremost unit that works"),
     reference_speed=Column(0.0, "m s-1", "reference speed of the train", True),
-    reference_deviation=Column(
-        0.01, "m s-1", "standard deviation of the reference speed by its estimate", True
-    ),
+    reference_deviation=Column(0.01, "m s-1", "standard deviation of the reference speed by its estimate", True),
     unknown=Column(0.0, "m s-2", "specific force that nothing explains"),
     p_vv=Column(1e-4, "m2 s-2", "variance of the reference speed"),
     p_vd=Column(0.0, "m2 s-3", "covariance of speed and unknown force"),
@@ -383,11 +299,7 @@ RUN = Table(
     answered=Column(NAN, ONE, "plan to which the last allocation answers"),
     asked=Column(0, ONE, "how often the rule was asked"),
     rule_faults=Column(0, ONE, "calls in which the rule's solver failed"),
-    rule_gap=Column(
-        NAN,
-        ONE,
-        "largest distance of its answers from the certified ones, over the plan; nan: none",
-    ),
+    rule_gap=Column(NAN, ONE, "largest distance of its answers from the certified ones, over the plan; nan: none"),
     # of the plant, for the record
     position=Column(0.0, "m", "position of the train's front", True),
     speed=Column(0.0, "m s-1", "mean speed of the train", True),

@@ -10,8 +10,8 @@ import shutil
 import stat
 import sys
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -88,22 +88,20 @@ def _options(function: Any) -> dict[str, Any]:
     return {"error_model": "numpy", "cache": FOLDER is not None and has_file}
 
 
-class _said:
+part: Any = numba.njit(inline="always", error_model="numpy", cache=FOLDER is not None)
+"""Decorator of a part of one or two compiled functions, which is inlined: handing many arrays down takes time."""
+
+
+@contextmanager
+def _said(name: str) -> Iterator[None]:
     """Says at a terminal that something is being compiled, once it takes long; the line goes when it is done."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def __enter__(self) -> None:
-        if self.shown:
-            sys.stderr.write(f"\rcompiling {self.name}, once after each change of the code \033[K")
-            sys.stderr.flush()
-
-    def __exit__(self, *error: object) -> None:
-        if self.shown:
+    shown = sys.stderr is not None and sys.stderr.isatty()
+    if shown:
+        sys.stderr.write(f"\rcompiling {name}, once after each change of the code \033[K")
+        sys.stderr.flush()
+    try:
+        yield
+    finally:
+        if shown:
             with suppress(OSError):
                 sys.stderr.write("\r\033[K")
-
-    @property
-    def shown(self) -> bool:
-        return sys.stderr is not None and sys.stderr.isatty()

@@ -1,7 +1,7 @@
 """Adhesion curves: tangential force coefficient over slip velocity, by their parameters; one's own among them.
 
-A curve is a record with a name in `CURVES`. A run holds what it used: the `number` of the law, its `values` and the `table`
-of a curve of one's own, so that no class is needed to read it again.
+A curve is a record with a name in `CURVES`. A run holds what it used: the `number` of the law and its `values`, so that no
+class is needed to read it again.
 
     curve = PolachCurve(decay=0.4)
     curve(slip, peak, speed)       # coefficients
@@ -11,17 +11,18 @@ of a curve of one's own, so that no class is needed to read it again.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import astuple, dataclass, field
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from alloc import laws
 from alloc.backends import compiled as law
 from alloc.compilation import jit
 from alloc.errors import PlantError
-from alloc.records import Record, quantity
+from alloc.records import PlantRecord, quantity
 from alloc.registry import Registry
 
 Floats = NDArray[np.float64]
@@ -33,99 +34,91 @@ LARGEST = 20.0
 GOLDEN = 0.6180339887498949
 
 
-# Compiled: by the number of the curve
+# Compiled: by the number of the curve; `q`, its values, are the fields of its record in their order, or a `shape_table`
 
 
 @jit
-def coefficient(curve, values, own, slip, speed, rim, peak, contact):
-    """Tangential force coefficient at this slip velocity; `own`: table of a curve of one's own, see `shape_table`."""
-    q = values
+def coefficient(curve, q, slip, speed, rim, peak, contact):
+    """Tangential force coefficient at this slip velocity."""
     if curve == PIECEWISE:
         return law.piecewise_coefficient(slip, peak, q[0], q[1], q[2], q[3], q[4])
     if curve == POLACH:
-        stiffness = q[4] * contact
-        return law.polach_coefficient(
-            slip, speed, rim, peak, q[0], q[1], q[2], q[3], stiffness
-        )  # fmt: skip
+        made = q[0] * contact
+        return law.polach_coefficient(slip, speed, rim, peak, q[2], q[3], q[4], q[5], made)
     if curve == POLACH_BY_FRICTION:
-        return law.polach_by_friction(slip, speed, rim, peak, q[0], q[4] * contact)
+        return law.polach_by_friction(slip, speed, rim, peak, q[2], q[0] * contact)
     if curve == SLIP_RATIO:
         return law.slip_ratio_coefficient(slip, speed, rim, peak, q[0], q[1])
     if curve == RATIONAL:
         return law.rational_coefficient(slip, peak, q[0], q[1])
-    place = abs(slip) / (abs(slip) + own[0]) * (own.size - 2)
-    k = min(int(place), own.size - 3)
-    value = peak * (own[1 + k] + (place - k) * (own[2 + k] - own[1 + k]))
+    place = abs(slip) / (abs(slip) + q[0]) * (q.size - 2)
+    k = min(int(place), q.size - 3)
+    value = peak * (q[1 + k] + (place - k) * (q[2 + k] - q[1 + k]))
     return value if slip >= 0.0 else -value
 
 
 @jit
-def top(curve, values, own, speed, peak, contact):
+def top(curve, q, speed, peak, contact):
     """Largest coefficient of a driving axle at this speed, and the slip velocity [m/s] there."""
-    q = values
     if curve == PIECEWISE:
         return peak, law.piecewise_top(peak, q[0], q[1], q[2], q[3])
     if curve == SLIP_RATIO:
         return peak, law.slip_ratio_top(speed, q[0])
-    if curve == RATIONAL:
+    if curve in (RATIONAL, TABULATED):
         return peak, q[0]
-    if curve == TABULATED:
-        return peak, own[0]
     # Polach's by golden section search; the bracket holds the peak of every published set
     low, width = 0.0, 0.1 * abs(speed) + 2.0
     a, b = low + (1.0 - GOLDEN) * width, low + GOLDEN * width
-    at_a = coefficient(curve, values, own, a, speed, speed + a, peak, contact)
-    at_b = coefficient(curve, values, own, b, speed, speed + b, peak, contact)
+    at_a = coefficient(curve, q, a, speed, speed + a, peak, contact)
+    at_b = coefficient(curve, q, b, speed, speed + b, peak, contact)
     for _ in range(40):
         width *= GOLDEN
         if at_a > at_b:
             b, at_b = a, at_a
             a = low + (1.0 - GOLDEN) * width
-            at_a = coefficient(curve, values, own, a, speed, speed + a, peak, contact)
+            at_a = coefficient(curve, q, a, speed, speed + a, peak, contact)
         else:
             low, a, at_a = a, b, at_b
             b = low + GOLDEN * width
-            at_b = coefficient(curve, values, own, b, speed, speed + b, peak, contact)
+            at_b = coefficient(curve, q, b, speed, speed + b, peak, contact)
     slip = low + 0.5 * width
-    return coefficient(curve, values, own, slip, speed, speed + slip, peak, contact), slip
+    return coefficient(curve, q, slip, speed, speed + slip, peak, contact), slip
 
 
 @jit
-def _coefficients(curve, values, own, slip, speed, peak, contact):
-    found = np.empty((1, slip.size))
+def _coefficients(curve, q, speed, peak, contact, slip, found):
     for i in range(slip.size):
         v, s = speed[i], slip[i]
-        found[0, i] = coefficient(curve, values, own, s, v, v + s, peak[i], contact[i])
-    return found
+        found[0, i] = coefficient(curve, q, s, v, v + s, peak[i], contact[i])
 
 
 @jit
-def _tops(curve, values, own, speed, peak, contact):
-    found = np.empty((2, speed.size))
+def _tops(curve, q, speed, peak, contact, found):
     for i in range(speed.size):
-        found[0, i], found[1, i] = top(curve, values, own, speed[i], peak[i], contact[i])
-    return found
+        found[0, i], found[1, i] = top(curve, q, speed[i], peak[i], contact[i])
 
 
-def _each(function: Any, curve: int, values: Floats, own: Floats, *given: ArrayLike) -> Any:
+def _each(function: Any, results: int, curve: int, q: Floats, *given: ArrayLike) -> Any:
     """What a compiled function finds for each element of arrays, which broadcast; (results, *shape)."""
     arrays = np.broadcast_arrays(*[np.asarray(one, dtype=float) for one in given])
-    flat = [np.ascontiguousarray(one).ravel() for one in arrays]
-    return function(curve, values, own, *flat).reshape(-1, *arrays[0].shape)
+    found = np.empty((results, arrays[0].size))
+    function(curve, q, *[np.ascontiguousarray(one).ravel() for one in arrays], found)
+    return found.reshape(results, *arrays[0].shape)
 
 
-def tops(
-    curve: int, values: Floats, own: Floats,
-    speed: ArrayLike, peak: ArrayLike, contact: ArrayLike = 1.0,
-) -> Any:  # fmt: skip
+def tops(curve: int, q: Floats, speed: ArrayLike, peak: ArrayLike, contact: ArrayLike = 1.0) -> Any:
     """`top` of arrays, as of a record's (ticks, axles): largest coefficients, and slip velocities [m/s] there."""
-    return _each(_tops, curve, values, own, speed, peak, contact)
+    if curve == PIECEWISE:  # NumPy's is as fast, and this needs no flat copies
+        found = np.empty((2, *np.broadcast(speed, peak, contact).shape))
+        found[0], found[1] = peak, laws.piecewise_top(np.asarray(peak), *q[:4])
+        return found
+    return _each(_tops, 2, curve, q, speed, peak, contact)
 
 
-def steepest(curve: int, values: Floats, own: Floats, peak: float, contact: float = 1.0) -> float:
+def steepest(curve: int, q: Floats, peak: float, contact: float = 1.0) -> float:
     """Greatest slope [s/m] over the slip velocity, at standstill, where it is greatest; the integration step needs it."""
     slip = np.append(0.0, np.geomspace(1e-6, LARGEST, 2_000))
-    rise = np.diff(_each(_coefficients, curve, values, own, slip, 0.0, peak, contact)[0])
+    rise = np.diff(_each(_coefficients, 1, curve, q, 0.0, peak, contact, slip)[0])
     return float(np.abs(rise / np.diff(slip)).max())
 
 
@@ -133,30 +126,20 @@ def steepest(curve: int, values: Floats, own: Floats, peak: float, contact: floa
 
 
 @dataclass(frozen=True)
-class AdhesionCurve(Record):
-    """What all curves have: the law's number, parameters, table; coefficients and their top."""
+class AdhesionCurve(PlantRecord):
+    """What all curves have: the number of the law and what it takes; coefficients and their top."""
 
     number: ClassVar[int] = -1
-    error = PlantError
 
     @property
     def owner(self) -> str:
         """As in `Record`."""
         return "adhesion curve"
 
-    def _parameters(self) -> tuple[float, ...]:
-        """What the law takes."""
-        return ()
-
-    @property
+    @cached_property
     def values(self) -> Floats:
-        """What the law takes, then zeros, (8,)."""
-        return np.append(self._parameters(), np.zeros(8))[:8]
-
-    @property
-    def table(self) -> Floats:
-        """`shape_table` of a curve of one's own; one zero for others."""
-        return np.zeros(1)
+        """What the law takes: the fields in their order. What is left out bounds nothing."""
+        return np.array([math.inf if one is None else one for one in astuple(self)])
 
     def contact(self, load: ArrayLike, radius: ArrayLike) -> Floats:
         """Creep stiffness under a wheel load [N], half an axle's, on a wheel radius [m], over that in `values`."""
@@ -166,13 +149,11 @@ class AdhesionCurve(Record):
         self, slip: ArrayLike, peak: ArrayLike, speed: ArrayLike = 0.0, contact: ArrayLike = 1.0
     ) -> Floats:
         """Tangential force coefficient at a slip velocity [m/s] where the rail offers `peak`; `speed` of the car [m/s]."""
-        of_curve = self.number, self.values, self.table
-        found: Floats = _each(_coefficients, *of_curve, slip, speed, peak, contact)[0]
-        return found
+        return _each(_coefficients, 1, self.number, self.values, speed, peak, contact, slip)[0]
 
     def top(self, speed: ArrayLike, peak: ArrayLike, contact: ArrayLike = 1.0) -> Any:
         """Largest coefficient of a driving axle at `speed` [m/s], and the slip velocity [m/s] there."""
-        return tops(self.number, self.values, self.table, speed, peak, contact)
+        return tops(self.number, self.values, speed, peak, contact)
 
 
 @dataclass(frozen=True)
@@ -194,11 +175,6 @@ class PiecewiseCurve(AdhesionCurve):
     constant_residual: float | None = quantity(None, "1", above=0.0)
     """Coefficient mu_inf at infinite slip, at every peak; at most `residual_ratio` of the peak counts. Left out: that
     ratio of every peak. Source: readhesion paper (1)."""
-
-    def _parameters(self) -> tuple[float, ...]:
-        most = math.inf if self.constant_residual is None else self.constant_residual
-        shape = self.micro_slope, self.top_curvature, self.macro_slope, self.residual_ratio
-        return (*shape, most)
 
 
 # Creep stiffness of Polach's law, G pi a b C11 / (4 Q) with the half axes a along and b across the rail. Here a b is that
@@ -232,14 +208,15 @@ class CreepCurve(AdhesionCurve):
     ratio_at_infinity: float = quantity(0.40, "1")
     """Friction at infinite slip over that at rest, A."""
 
-    def _parameters(self, *shape: float) -> tuple[float, ...]:
-        """A; `shape`: B, kA, kS; creep stiffness, of the reference contact where none is given."""
+    @cached_property
+    def values(self) -> Floats:
+        """As in `AdhesionCurve`; where no creep stiffness is given, that of the reference contact."""
         cross = 2.0 * HALF_WIDTH * YOUNGS_MODULUS
         area = math.pi * HALF_WIDTH * CYLINDER * math.sqrt(WHEEL_LOAD * WHEEL_RADIUS / cross)
         ratio = self.half_axes_ratio
         c11 = 0.32955 * ratio**2 + 0.48538 * ratio + 3.4992  # Open Rails' fit of Kalker's table
         made = SHEAR_MODULUS * area * c11 / (4.0 * WHEEL_LOAD)
-        return self.ratio_at_infinity, *(shape or (0.0,) * 3), self.creep_stiffness or made
+        return np.array([self.creep_stiffness or made, *astuple(self)[1:]])
 
     def contact(self, load: ArrayLike, radius: ArrayLike) -> Floats:
         """As in `AdhesionCurve`: 1 where the creep stiffness is given."""
@@ -264,9 +241,6 @@ class PolachCurve(CreepCurve):
     slip_factor: float = quantity(0.10, "1", above=0.0)
     """Reduction kS of the creep stiffness in the area of slip."""
 
-    def _parameters(self, *shape: float) -> tuple[float, ...]:
-        return super()._parameters(self.decay, self.adhesion_factor, self.slip_factor)
-
 
 @dataclass(frozen=True)
 class DryPolachCurve(PolachCurve):
@@ -290,9 +264,6 @@ class SlipRatioCurve(AdhesionCurve):
     residual_ratio: float = quantity(1.0, "1", most=1.0)
     """Coefficient far beyond the peak over that of the peak."""
 
-    def _parameters(self) -> tuple[float, ...]:
-        return self.peak_slip_ratio, self.residual_ratio
-
 
 @dataclass(frozen=True)
 class RationalCurve(AdhesionCurve):
@@ -306,9 +277,6 @@ class RationalCurve(AdhesionCurve):
     """Slip velocity of the peak."""
     steepness: float = quantity(2.0, "1", above=0.0)
     """Slope n at the origin over peak / `peak_slip`."""
-
-    def _parameters(self) -> tuple[float, ...]:
-        return self.peak_slip, self.steepness
 
 
 # Curves of one's own
@@ -342,8 +310,8 @@ class ShapedCurve(AdhesionCurve):
         raise NotImplementedError
 
     @cached_property
-    def table(self) -> Floats:
-        """As in `AdhesionCurve`; raises `PlantError` as `shape_table` does."""
+    def values(self) -> Floats:
+        """A `shape_table`, which raises `PlantError`."""
         return shape_table(self.shape, f"{self.owner} {type(self).__name__}")
 
 
@@ -377,9 +345,9 @@ class TabulatedCurve(ShapedCurve):
     """Its `shape_table`."""
 
     @cached_property
-    def table(self) -> Floats:
-        """As in `AdhesionCurve`."""
-        return np.frombuffer(self.memory)
+    def values(self) -> Floats:
+        """As in `ShapedCurve`."""
+        return np.frombuffer(self.memory).copy()
 
 
 def own_curve(name: str, shape: Callable[[Floats], ArrayLike] | ArrayLike) -> TabulatedCurve:
@@ -388,14 +356,12 @@ def own_curve(name: str, shape: Callable[[Floats], ArrayLike] | ArrayLike) -> Ta
     Raises `PlantError` where it does not rise from 0 to one maximum, or points do not go on.
     """
     owner = f"adhesion curve {name}"
-    if callable(shape):
-        return TabulatedCurve(name, shape_table(shape, owner).tobytes())
-    points = np.atleast_2d(np.asarray(shape, dtype=float))
-    if points.ndim != 2 or points.shape[1] != 2 or not np.all(np.diff(points[:, 0]) > 0.0):
-        raise PlantError(f"{owner}: give points (n, 2) with growing slip velocities")
-    return TabulatedCurve(
-        name, shape_table(lambda slip: np.interp(slip, *points.T), owner).tobytes()
-    )
+    if not callable(shape):
+        points = np.atleast_2d(np.asarray(shape, dtype=float))
+        if points.ndim != 2 or points.shape[1] != 2 or not np.all(np.diff(points[:, 0]) > 0.0):
+            raise PlantError(f"{owner}: give points (n, 2) with growing slip velocities")
+        shape = partial(np.interp, xp=points[:, 0], fp=points[:, 1])
+    return TabulatedCurve(name, shape_table(shape, owner).tobytes())
 
 
 POLACH_WET, POLACH_DRY = PolachCurve(), DryPolachCurve()

@@ -60,12 +60,9 @@ def drive(event: Event, driver: Driver) -> xr.Dataset:
         rate = (speed - last) / period
         sense = TrainSense(time, float(w.state[0]), speed, rate, w.axles, w.units, w.brakes)
         last, go_on = speed, driver(sense, w.units, w.brakes)
-        for label, values in (
-            ("applied", w.units.applied),
-            ("pressure_target", w.brakes.pressure_target),
-        ):
-            if not np.isfinite(values).all():
-                raise SimulationError(f"drive: at {time:g} s {label} = {values}; set finite values")
+        for rows, name in ((w.units, "applied"), (w.brakes, "pressure_target")):
+            if not np.isfinite(values := rows[name]).all():
+                raise SimulationError(f"drive: at {time:g} s {name} = {values}; set finite values")
         _go(k, w, record)
         ended = k + 1
         if go_on is False:

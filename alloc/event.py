@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.columns import PLANT
+from alloc.columns import PATCH, PLANT
 from alloc.errors import PlantError, SimulationError
 from alloc.onboard.rows import believed_rows, onboard_rows
 from alloc.onboard.settings import Onboard
 from alloc.onboard.telegrams import leaders, telegrams
 from alloc.plant import stable_step
-from alloc.rail import Line, Rail, Receptivity, patch_rows
+from alloc.rail import Line, Rail, Receptivity
 from alloc.records import Record, quantity
-from alloc.tables import Rows
+from alloc.tables import put
 from alloc.train import Train
 from alloc.world import World
 
@@ -148,58 +148,9 @@ class Event(Record):
     @cached_property
     def _template(self) -> World:
         train, rail, onboard, period = self.train, self.rail, self.onboard, self.onboard.period
+        ticks, start, speed = self.ticks, self.initial_position, self.initial_speed
         rows = believed_rows(onboard, train)
         axles, cars, units, brakes = rows[:4]
-        board, valves, run = onboard_rows(onboard, rows, self.initial_speed)
-        origin, line = self.line.rows(*self._span())
-        plant = PLANT.rows(
-            1, **rows.plant, period=period, step=self.longest_step, line_origin=origin, line_spacing=self.line.spacing
-        )  # fmt: skip
-        rail.put_under(axles, plant[0])
-        self.receptivity.put_into(plant[0])
-        self._fail(units)
-        patches, scatter, own = patch_rows(rail.patches), rail.scatter_ring(), rail.curve.table
-        plant.step = stable_step(axles, cars, units, brakes, patches, own, scatter, plant[0])
-        for fault in self._size(float(plant.step[0])):
-            raise SimulationError(f"event: {fault}")
-        run.position = self.initial_position
-        axles.axle_load = axles.static_load
-        axles.cell = np.floor((self.initial_position + axles.offset) / plant.cell[0])
-        state = self._initial_state(axles, cars, units, brakes, rigid=train.couplers is None)
-        sigma, ticks = onboard.sensors.speed_noise, self.ticks
-        draws = np.random.default_rng([onboard.sensors.seed, 1])
-        noise = np.zeros((1, axles.size))
-        if sigma > 0.0:
-            noise = sigma * draws.standard_normal((ticks, axles.size))
-        leader = np.zeros(ticks, dtype=np.int64)
-        if units.size:
-            leader = leaders(ticks, units.failure, period)
-        told = onboard.telegrams
-        heard, orders = telegrams(
-            leader, units.size, max(1, round(told.period / period)), period, told.latency, told.jitter, told.loss,
-            onboard.sensors.seed,
-        )  # fmt: skip
-        inside = [np.flatnonzero(axles.unit == j) for j in range(units.size)]
-        first = np.array([members[0] for members in inside], dtype=np.int64)
-        last = np.array([members[-1] + 1 for members in inside], dtype=np.int64)
-        return World(
-            state=state, stages=np.zeros((4, state.size)), axles=axles, cars=cars, units=units, brakes=brakes,
-            patches=patches, line=line, plant=plant, onboard=board, slide=valves, run=run, effort=rows.effort,
-            retard=rows.retard, own_curve=own, scatter=scatter, rail=rail.cells(train.length),
-            command=self.command.sampled(period * np.arange(ticks, dtype=np.float64)), noise=noise, leader=leader,
-            heard=heard, told=orders, first=first, last=last, memory=np.zeros((units.size, 0)),
-        )  # fmt: skip
-
-    def _span(self) -> tuple[float, float]:
-        """Stretch of line that the train may touch [m]."""
-        hardest = (
-            max(abs(one) for one in self.command.accelerations) + 0.3
-        )  # a gradient of 30 per mille
-        fastest = min(FASTEST, abs(self.initial_speed) + self.duration * hardest)
-        start = self.initial_position
-        return start - self.train.length - 70.0, start + self.duration * fastest + 50.0
-
-    def _fail(self, units: Rows) -> None:
         for unit, time in self.failures.items():
             if not 0 <= unit < units.size:
                 told = f"the train has no traction unit {unit + 1}; it has {units.size}"
@@ -207,17 +158,47 @@ class Event(Record):
             if np.isnan(time):
                 raise PlantError(f"failures: time of traction unit {unit + 1} is not a number")
             units[unit].failure = time
-
-    def _initial_state(
-        self, axles: Rows, cars: Rows, units: Rows, brakes: Rows, rigid: bool
-    ) -> NDArray[np.float64]:
-        """A train that rolls without slip, brakes and motors off; coupled cars stand at rest length."""
-        bodies = np.ones(1 if rigid else cars.size)
+        # the line as far as the train may come; 0.3 m/s2: a gradient of 30 per mille
+        hardest = max(abs(one) for one in self.command.accelerations) + 0.3
+        fastest = min(FASTEST, abs(speed) + self.duration * hardest)
+        end = start + self.duration * fastest + 50.0
+        origin, line = self.line.rows(start - train.length - 70.0, end)
+        plant = PLANT.rows(
+            1, **rows.plant, period=period, step=self.longest_step, line_origin=origin, line_spacing=self.line.spacing
+        )  # fmt: skip
+        rail.put_under(axles, plant[0])
+        put(plant[0], self.receptivity, "receptivity_")
+        patches, scatter, curve = PATCH.of(rail.patches), rail.scatter_ring(), rail.curve.values
+        plant.step = stable_step(axles, cars, units, brakes, patches, curve, scatter, plant[0])
+        for fault in self._size(float(plant.step[0])):
+            raise SimulationError(f"event: {fault}")
+        axles.axle_load = axles.static_load
+        axles.cell = np.floor((start + axles.offset) / plant.cleaning_spacing[0])
+        board, valves, run = onboard_rows(onboard, rows, speed)
+        run.position = start
+        # it rolls without slip, motors and brakes off; coupled cars stand at rest length
+        bodies = np.ones(1 if train.couplers is None else cars.size)
         rest = np.zeros(units.size + brakes.size + axles.size + 4)
-        rolling = self.initial_speed / axles.radius
-        return np.concatenate(
-            [self.initial_position * bodies, self.initial_speed * bodies, rolling, rest]
-        )
+        state = np.concatenate([start * bodies, speed * bodies, speed / axles.radius, rest])
+        sensors, sent = onboard.sensors, onboard.telegrams
+        noise = np.zeros((1, axles.size))
+        if sensors.speed_noise > 0.0:
+            draws = np.random.default_rng([sensors.seed, 1])
+            noise = sensors.speed_noise * draws.standard_normal((ticks, axles.size))
+        leader = np.zeros(ticks, dtype=np.int64)
+        if units.size:
+            leader = leaders(ticks, units.failure, period)
+        heard, orders = telegrams(
+            leader, units.size, max(1, round(sent.period / period)), period, sent.latency, sent.jitter, sent.loss,
+            sensors.seed,
+        )  # fmt: skip
+        return World(
+            state=state, stages=np.zeros((4, state.size)), axles=axles, cars=cars, units=units, brakes=brakes,
+            patches=patches, line=line, plant=plant, onboard=board, slide=valves, run=run, effort=rows.effort,
+            retard=rows.retard, curve=curve, scatter=scatter, rail=rail.cells(train.length),
+            command=self.command.sampled(period * np.arange(ticks, dtype=np.float64)), noise=noise, leader=leader,
+            heard=heard, told=orders, memory=np.zeros((units.size, 0)),
+        )  # fmt: skip
 
 
 def canonical(value: Any) -> str:

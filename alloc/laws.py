@@ -5,7 +5,10 @@ Traction counts positive, braking negative. No law branches on a state or change
 axle stands on which car.
 """
 
-from alloc.operations import absolute, atan, copysign, exp, maximum, minimum, sine, sqrt, where
+from numpy import abs as absolute
+from numpy import arctan as atan
+from numpy import copysign, exp, maximum, minimum, sqrt, where
+from numpy import sin as sine
 
 GRAVITY = 9.80665
 """Standard gravity [m/s2]; the readhesion paper's 9.0855 is a misprint."""

@@ -83,25 +83,18 @@ def find_fronts(run: "Run") -> Fronts | None:
         return np.ascontiguousarray(run[name][chosen][:, axles], dtype=float)
 
     speed = np.ascontiguousarray(np.abs(run["car_speed"][chosen][:, run["axle_car"][axles]]))
-    top, most = of_axles("peak_slip"), np.empty(speed.shape)
-    table, unit = np.empty((*speed.shape, NODES + 1)), run.unit[axles]
-    values, own = (
-        np.atleast_1d(np.asarray(run.attrs[one], dtype=float))
-        for one in ("curve_values", "own_curve")
-    )
-    tabulate(
-        int(run.attrs["curve"]), values, own, run.way[chosen], speed, of_axles("offered"),
-        run["axle_contact"][axles].astype(float), top, of_axles("axle_load"), table, most,
-    )  # fmt: skip
+    values = np.atleast_1d(np.asarray(run.attrs["curve_values"], dtype=float))
     # a part has one torque: a unit, or an axle of a unit whose motors are in parallel
+    unit, able = run.unit[axles], run.motors[chosen]
     new = np.append(True, np.diff(unit) != 0) | (run["unit_parallel"][unit] > 0)
-    first = np.flatnonzero(new)
-    able = run.motors[chosen]
-    most_of_part = np.maximum(able / run.axles, 0.0)[:, unit[first]]
-    cap = np.minimum(np.minimum.reduceat(most, first, axis=1), most_of_part)
+    first = np.flatnonzero(np.append(new, True))
+    most = np.maximum(able / run.axles, 0.0)[:, unit[first[:-1]]]
     given, taken = np.zeros((2, chosen.size, COSTS.size))
-    number = np.diff(np.append(first, axles.size))
-    fill(table, top, most, cap, first, number, COSTS, given, taken)
+    fill(
+        int(run.attrs["curve"]), values, run.way[chosen], speed, of_axles("offered"),
+        run["axle_contact"][axles].astype(float), of_axles("peak_slip"), of_axles("axle_load"), most, first, COSTS, given,
+        taken,
+    )  # fmt: skip
     # wheels that failed motors do not turn resist, whatever the split
     force = run.force[chosen][:, axles].sum(axis=1) - np.minimum(able, 0.0).sum(axis=1)
     plan = run.settled[chosen] * run.planned[chosen] * run.load[axles].sum()
@@ -111,75 +104,61 @@ def find_fronts(run: "Run") -> Fronts | None:
 
 
 @jit
-def tabulate(curve, values, own, way, speed, peak, contact, top, load, table, most):
-    """Fill `most` (instants, axles), the force at the slip `top` [N], and `table` (instants, axles, NODES + 1).
-
-    This has w at the slips (node / NODES)^2 `top`. `way` (instants,); `contact` (axles,); the others (instants, axles).
-    """
-    for k in range(top.shape[0]):
-        for i in range(top.shape[1]):
-            v, least = speed[k, i], 1.0
-            slip = way[k] * top[k, i]
-            best = way[k] * coefficient(
-                curve, values, own, slip, v, v + slip, peak[k, i], contact[i]
-            )
-            best = max(best, 1e-12)
-            most[k, i] = best * load[k, i]
-            for node in range(NODES + 1):
-                part = slip * (node / NODES) ** 2
-                mu = way[k] * coefficient(
-                    curve, values, own, part, v, v + part, peak[k, i], contact[i]
-                )
-                least = min(least, np.sqrt(max(1.0 - mu / best, 0.0)))
-                table[k, i, node] = least
-
-
-@jit
-def fill(table, top, most, cap, first, number, costs, given, taken):
+def fill(curve, values, way, speed, peak, contact, top, load, able, first, costs, given, taken):
     """Add up over the parts what each delivers [N] and dissipates [W] at each marginal cost, into (instants, costs).
 
-    `table`, `top`, `most`: see `tabulate`; `cap` (instants, parts): largest force of an axle of a part [N]; the axles of
-    part j are the `number[j]` from `first[j]` on. Between steps of w, power is a parabola of force.
+    `way` (instants,); `contact` (axles,); `speed`, `peak`, `top` (slip of the peak), `load` (instants, axles); `able`
+    (instants, parts): what motors allow an axle [N]; the axles of part j are those from `first[j]` to `first[j + 1]`.
+    Between steps of w, power is a parabola of force.
     """
-    force, power, cost = np.empty(STEPS + 1), np.empty(STEPS + 1), np.empty(STEPS)
-    for k in range(cap.shape[0]):
-        for j in range(cap.shape[1]):
-            if cap[k, j] <= 0.0:
+    table, most = np.empty((top.shape[1], NODES + 1)), np.empty(top.shape[1])
+    force, power, middle, price = np.zeros((4, STEPS + 1))
+    for k in range(top.shape[0]):
+        for i in range(top.shape[1]):  # w at the slips (node / NODES)^2 top
+            v, least = speed[k, i], 1.0
+            slip = way[k] * top[k, i]
+            best = coefficient(curve, values, slip, v, v + slip, peak[k, i], contact[i])
+            best = max(way[k] * best, 1e-12)
+            most[i] = best * load[k, i]
+            for node in range(NODES + 1):
+                part = slip * (node / NODES) ** 2
+                mu = coefficient(curve, values, part, v, v + part, peak[k, i], contact[i])
+                least = min(least, np.sqrt(max(1.0 - way[k] * mu / best, 0.0)))
+                table[i, node] = least
+        for j in range(first.size - 1):
+            number, cap = first[j + 1] - first[j], able[k, j]
+            for i in range(first[j], first[j + 1]):
+                cap = min(cap, most[i])
+            if cap <= 0.0:
                 continue
             power[:] = 0.0
-            for i in range(first[j], first[j] + number[j]):
+            for i in range(first[j], first[j + 1]):
                 node = 0
                 for m in range(STEPS + 1):
-                    x = cap[k, j] * (1.0 - (1.0 - m / STEPS) ** 2)
-                    w = np.sqrt(max(1.0 - x / most[k, i], 0.0))
-                    while node < NODES - 1 and w < table[k, i, node + 1]:
+                    x = cap * (1.0 - (1.0 - m / STEPS) ** 2)
+                    w = np.sqrt(max(1.0 - x / most[i], 0.0))
+                    while node < NODES - 1 and w < table[i, node + 1]:
                         node += 1
-                    width = max(table[k, i, node] - table[k, i, node + 1], 1e-9)
-                    inside = min(max((table[k, i, node] - w) / width, 0.0), 1.0)
+                    width = max(table[i, node] - table[i, node + 1], 1e-9)
+                    inside = min(max((table[i, node] - w) / width, 0.0), 1.0)
                     slip = top[k, i] * (node * node + inside * (2 * node + 1)) / NODES**2
-                    force[m] = number[j] * x
+                    force[m] = number * x
                     power[m] += slip * x
             for m in range(STEPS):
-                cost[m] = (power[m + 1] - power[m]) / (force[m + 1] - force[m])
-                cost[m] = max(cost[m], cost[m - 1] if m else 0.0)
+                slope = (power[m + 1] - power[m]) / (force[m + 1] - force[m])
+                price[m + 1], middle[m + 1] = max(slope, price[m]), 0.5 * (force[m] + force[m + 1])
             m = 0  # the best force at a cost lies between the middles of two steps
             for q in range(costs.size):
-                while m < STEPS and cost[m] <= costs[q]:
+                while m < STEPS and price[m + 1] <= costs[q]:
                     m += 1
-                if m == 0:
-                    f = 0.5 * force[1] * costs[q] / max(cost[0], 1e-12)
-                elif m == STEPS:
-                    f = force[STEPS]
-                else:
-                    low, high = 0.5 * (force[m - 1] + force[m]), 0.5 * (force[m] + force[m + 1])
-                    f = low + (high - low) * (costs[q] - cost[m - 1]) / max(
-                        cost[m] - cost[m - 1], 1e-12
-                    )
+                f = force[STEPS]
+                if m < STEPS:
+                    rise = (middle[m + 1] - middle[m]) * (costs[q] - price[m])
+                    f = middle[m] + rise / max(price[m + 1] - price[m], 1e-12)
                 n = min(max(np.searchsorted(force, f), 1), STEPS)
                 step = force[n] - force[n - 1]
                 u = (f - force[n - 1]) / step
-                before = cost[n - 2] if n > 1 else 0.0
-                after = cost[n] if n < STEPS else cost[n - 1]
-                bend = 0.25 * (after - before) * step * u * (1.0 - u)
+                bend = price[min(n + 1, STEPS)] - price[n - 1]
+                bend = 0.25 * bend * step * u * (1.0 - u)
                 given[k, q] += f
                 taken[k, q] += power[n - 1] + u * (power[n] - power[n - 1]) - bend

@@ -9,13 +9,13 @@ torque for all its axles, so its weakest axle bounds it, unless its motors run i
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache, wraps
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from alloc.errors import UnsoundRun
 from alloc.least_damage import Fronts, find_fronts
@@ -38,6 +38,13 @@ LEAST_GAIN = 0.1
 LIMITED = 0.985
 """Share of its target below which a unit's own controller limits it: on the rising branch of the curve creep control keeps
 within a hundredth of the target."""
+
+STAY, LEAST_EPISODE = 0.5, 1.0
+"""Times [s]: for which found adhesion must stay used; of a shortage that is too short to search in."""
+TURNING = 0.05
+"""Part of a target that accelerates the unit's own wheelsets; a smaller excess over the rail's force is no shortage."""
+MEAN_TIME = 1.0
+"""Time [s] over which torque is averaged: slower changes are the course of the event."""
 
 UNLIMITED, NEVER_NEGATIVE = (-math.inf, math.inf), (0.0, math.inf)
 """Ranges of metrics."""
@@ -64,39 +71,22 @@ class Metric(NamedTuple):
 METRICS: Registry[Metric] = Registry("metric")
 """Every metric by name."""
 
-Decorator = Callable[[Callable[[Any], float]], Callable[[Any], float]]
+Measure = Callable[[Any], float]
 
 
 def metric(
-    name: str, unit: str, description: str, better: int = 0,
-    within: tuple[float, float] = UNLIMITED, of: type = xr.Dataset,
-) -> Decorator:  # fmt: skip
-    """Decorator that registers a function of a recorded run as a metric; arguments as in `Metric`.
+    name: str, unit: str, description: str, better: int = 0, within: tuple[float, float] = UNLIMITED
+) -> Callable[[Measure], Measure]:
+    """Decorator that registers a function of a recorded run as a metric; arguments as in `Metric`."""
 
-    `of`: what the function takes, the `xr.Dataset`, or a `Run` of arrays.
-    """
-
-    def register(function: Callable[[Any], float]) -> Callable[[Any], float]:
+    def register(function: Measure) -> Measure:
         @wraps(function)
         def measured(run: Any) -> float:
-            if isinstance(run, of):
-                return float(function(run))
-            return float(function(Run(run) if of is Run else run.dataset))
+            return float(function(run.dataset if isinstance(run, Run) else run))
 
         made = Metric(name, unit, description, measured, better, within)
         METRICS.register(name, made, function.__module__)
         return measured
-
-    return register
-
-
-def _metric(unit: str, better: int = 0, within: tuple[float, float] = UNLIMITED) -> Decorator:
-    """Of this module: a function of a `Run`, by its own name; the first line of its docstring describes it."""
-
-    def register(function: Callable[[Any], float]) -> Callable[[Any], float]:
-        line = str(function.__doc__).partition("\n")[0].rstrip(".")
-        text = line[0].lower() + line[1:]
-        return metric(function.__name__, unit, text, better, within, of=Run)(function)
 
     return register
 
@@ -297,88 +287,28 @@ def _weakest(values: Floats, label: NDArray[np.int64], labels: int) -> Floats:
     return found
 
 
-def train_bounds(run: xr.Dataset) -> TrainBounds:
-    """`Run.bounds` of a recorded run."""
-    return Run(run).bounds
+# What follows from a `Run`
 
 
-# effort and adhesion
-
-
-@_metric("1", +1, SHARE)
-def bound_use(run: Run) -> float:
-    """Effort, at each instant within 0 and the bound, over the most that rail and motors allow."""
-    return share(np.clip(run.bounds.force, 0.0, run.bounds.bound), run.bounds.bound)
-
-
-@_metric("1", 0, SHARE)
-def bound(run: Run) -> float:
-    """The most that rail and motors allow, at most the plan, over the plan."""
-    return share(run.bounds.bound, run.bounds.plan)
-
-
-@_metric("1", 0, SHARE)
-def headroom(run: Run) -> float:
-    """Share of the plan that only sharing between units can reach."""
-    return share(run.bounds.bound - run.bounds.apart, run.bounds.plan)
-
-
-@_metric("1", -1, SHARE)
-def held_back(run: Run) -> float:
-    """Share of the bound that readhesion controllers lose at the units they limit; sharing leaves the rest unused."""
-    return share(run.bounds.held_back, run.bounds.bound)
-
-
-@_metric("1", -1, NEVER_NEGATIVE)
-def over_delivery(run: Run) -> float:
-    """Effort beyond the plan, relative to it."""
-    return share(np.maximum(run.bounds.force - run.bounds.plan, 0.0), run.bounds.plan)
-
-
-@_metric("1", +1, EITHER_WAY)
-def utilisation(run: Run) -> float:
-    """Adhesion used: rail force over the force available to acting axles."""
+def _utilisation(run: Run) -> float:
     counted = run.acting & run.demand[:, None]
     return share(run.force[counted], run.available[counted])
 
 
-@_metric("1", +1)
-def effort_ratio(run: Run) -> float:
-    """Rail force of the acting axles over what accelerates the train as asked for."""
+def _effort_ratio(run: Run) -> float:
     force = np.where(run.acting, run.force, 0.0).sum(axis=1)[run.demand]
     return share(force, np.abs(run.command)[run.demand] * run["car_mass"].sum())
 
 
-@_metric("1", +1)
-def acceleration_ratio(run: Run) -> float:
-    """Acceleration reached, relative to the plan; running resistance and gradients count as loss."""
-    return share(run.gain[run.demand], np.abs(run.command[run.demand]))
-
-
-@_metric("MJ")
-def energy(run: Run) -> float:
-    """Work of the motors at the wheels."""
-    return float(run["motor_work"][-1] - run["motor_work"][0]) / 1e6
-
-
-@_metric("m")
-def distance(run: Run) -> float:
-    """Distance run until the end, or until the target speed; nan where that is not reached."""
-    position = run["position"]
-    return float(position[run.end] - position[0]) if run.end >= 0 else math.nan
-
-
-@_metric("s", -1, NEVER_NEGATIVE)
-def time_to_speed(run: Run) -> float:
-    """Time from the first demand to the target speed."""
+def _time_to_speed(run: Run) -> float:
     if not np.isfinite(run.attrs["target_speed"]) or not run.demand[: run.end + 1].any():
         return math.nan
     return float(run["time"][run.end] - run["time"][np.argmax(run.demand)])
 
 
-# Time and way lost. A train gains a dt in the time dt; on dry rail it would gain as much in a / a_dry of that time. So what
-# it loses until it has its last speed is the integral of 1 - a / a_dry over the settled instants, in time or along its way:
-# no second run, a lead counts as well as a lag, and the end of the event does not matter.
+# A train gains a dt in the time dt; on dry rail it would gain as much in a / a_dry of that time. So what it loses until it
+# has its last speed is the integral of 1 - a / a_dry over the settled instants, in time or along its way: no second run, a
+# lead counts as well as a lag, and the end of the event does not matter.
 
 
 def _lost(run: Run, way: float, weight: Any = 1.0) -> float:
@@ -387,63 +317,9 @@ def _lost(run: Run, way: float, weight: Any = 1.0) -> float:
     return float(late[counted].sum() * run.period) if counted.any() else math.nan
 
 
-@_metric("s", -1)
-def time_lost(run: Run) -> float:
-    """Time lost in pulling to the last speed, against the same train on rail that carries everything."""
-    return _lost(run, 1.0)
-
-
-@_metric("m", -1)
-def distance_lost(run: Run) -> float:
-    """Way lost in braking to the last speed, against the same train on rail that carries everything."""
-    return _lost(run, -1.0, np.abs(run["speed"]))
-
-
-# slip, damage, ride
-
-
-@_metric("s", -1, NEVER_NEGATIVE)
-def slip_time(run: Run) -> float:
-    """Time spent slipping, summed over axles."""
-    return float((run.slip > SLIP_FACTOR * run["peak_slip"]).sum() * run.period)
-
-
-@_metric("m/s", -1, NEVER_NEGATIVE)
-def slip_peak(run: Run) -> float:
-    """Largest slip velocity of any axle."""
-    return float(run.slip.max())
-
-
-@_metric("s", -1, NEVER_NEGATIVE)
-def locked_time(run: Run) -> float:
-    """Time that wheels stood above 5 km/h, summed over axles."""
+def _locked_time(run: Run) -> float:
     standing = np.abs(run["rim_speed"]) < STANDING_SPEED
     return float((standing & (np.abs(run["speed"]) > LOCK_SPEED)[:, None]).sum() * run.period)
-
-
-@_metric("kJ", -1, NEVER_NEGATIVE)
-def damage(run: Run) -> float:
-    """Wheel damage Q: work dissipated between wheels and rail, JP4209318 (28), for driving too."""
-    work = run["friction_work"]
-    return float((work[-1] - work[0]).sum()) / 1e3
-
-
-@_metric("1", -1, EXCESS)
-def excess_damage(run: Run) -> float:
-    """Wheel damage Q of driven axles over the least of the same effort at each instant, less 1.
-
-    A little below 0 is possible: wheels that change their speed are not in balance.
-    """
-    return run.fronts.excess(run.fronts.force) if run.fronts else math.nan
-
-
-@_metric("1", -1, EXCESS)
-def event_excess(run: Run) -> float:
-    """Wheel damage Q of driven axles over the least of the same impulse in the whole event, less 1.
-
-    The best course is never above the plan. It has one marginal cost over units and time: effort goes where it is cheap.
-    """
-    return run.fronts.excess(run.fronts.best_course()) if run.fronts else math.nan
 
 
 def period_of(run: xr.Dataset) -> float:
@@ -462,12 +338,7 @@ def _low_pass(cut_off: float) -> Floats:
 
 def jerk(run: xr.Dataset) -> Floats:
     """Jerk of each car [m/s3], (time, car), from its acceleration below `JERK_CUT_OFF`; nan in a run of one instant."""
-    return smooth_jerk(series(run, "car_acceleration"), period_of(run))
-
-
-def smooth_jerk(acceleration: ArrayLike, period: float) -> Floats:
-    """The same from `acceleration` (instants, cars) [m/s2], whose instants are `period` [s] apart."""
-    every = np.asarray(acceleration, dtype=float)
+    every, period = series(run, "car_acceleration").astype(float), period_of(run)
     if len(every) < 2:
         return np.full_like(every, np.nan)
     values = every[:, :1] if (every == every[:, :1]).all() else every  # all cars move as one
@@ -480,59 +351,18 @@ def smooth_jerk(acceleration: ArrayLike, period: float) -> Floats:
     return np.broadcast_to(np.gradient(values, period, axis=0), every.shape)
 
 
-@_metric("m/s3", -1, NEVER_NEGATIVE)
-def jerk_rms(run: Run) -> float:
-    """Jerk of the worst car, root mean square under demand."""
-    return float(np.sqrt((run.jerk**2).mean(axis=0)).max()) if run.jerk.size else math.nan
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values)) if values else math.nan
 
 
-@_metric("m/s3", -1, NEVER_NEGATIVE)
-def jerk_peak(run: Run) -> float:
-    """Largest jerk of any car under demand."""
-    return float(np.abs(run.jerk).max()) if run.jerk.size else math.nan
-
-
-@_metric("kN", -1, NEVER_NEGATIVE)
-def coupler_peak(run: Run) -> float:
-    """Largest coupler force; nan for a rigid train."""
-    force = run["coupler_force"]
-    return float(np.abs(force).max()) / 1e3 if force.any() else math.nan
-
-
-# the search for adhesion that was lost
-
-STAY, LEAST_EPISODE = 0.5, 1.0
-"""Times [s]: for which found adhesion must stay used; of a shortage that is too short to search in."""
-TURNING = 0.05
-"""Part of a target that accelerates the unit's own wheelsets; a smaller excess over the rail's force is no shortage."""
-MEAN_TIME = 1.0
-"""Time [s] over which torque is averaged: slower changes are the course of the event."""
-
-
-@_metric("s", -1, NEVER_NEGATIVE)
-def search_time(run: Run) -> float:
-    """Mean time from a loss of adhesion until 90 % of it is used again; where a search is cut off, until then."""
-    return float(np.mean([time for time, _ in run.searches])) if run.searches else math.nan
-
-
-@_metric("1", -1, SHARE)
-def unfinished_searches(run: Run) -> float:
-    """Share of the searches for adhesion that found none in time."""
-    return float(np.mean([not found for _, found in run.searches])) if run.searches else math.nan
-
-
-@_metric("1", +1, EITHER_WAY)
-def utilisation_short(run: Run) -> float:
-    """Adhesion used by units whose target asks for more of it."""
+def _utilisation_short(run: Run) -> float:
     if not run.driven.any():
         return math.nan
     counted = run.shortage[0][:, run.unit] & run.driven
     return share(run.force[counted], run.available[counted])
 
 
-@_metric("1", -1, NEVER_NEGATIVE)
-def torque_fluctuation(run: Run) -> float:
-    """Rms of torque commands about their 1 s mean, over the plan's."""
+def _torque_fluctuation(run: Run) -> float:
     from scipy.ndimage import uniform_filter1d  # slow to import, and needed by a run alone
 
     if not run.demand.any() or not run.driven.any():
@@ -544,8 +374,83 @@ def torque_fluctuation(run: Run) -> float:
     return float(np.sqrt((rest**2).mean()))
 
 
-for _name, _text in (
-    ("rule_failures", "calls in which the rule's solver failed"),
-    ("controller_failures", "steps in which a controller's solver failed"),
-):
-    metric(_name, "1", _text, -1, NEVER_NEGATIVE)(lambda run, name=_name: run.attrs[name])  # type: ignore[misc]
+# Every metric: name, unit, whether more or less is better, range, meaning, function of a `Run`. Excess over the least damage
+# may be a little below 0: wheels that change their speed are not in balance. The best course of a whole event is never above
+# the plan; it has one marginal cost over units and time: effort goes where it is cheap.
+
+_METRICS: tuple[tuple[str, str, int, tuple[float, float], str, Callable[[Run], Any]], ...] = (
+    # effort and adhesion
+    ("bound_use", "1", +1, SHARE, "effort, at each instant within 0 and the bound, over the most that rail and motors allow",
+     lambda run: share(np.clip(run.bounds.force, 0.0, run.bounds.bound), run.bounds.bound)),
+    ("bound", "1", 0, SHARE, "the most that rail and motors allow, at most the plan, over the plan",
+     lambda run: share(run.bounds.bound, run.bounds.plan)),
+    ("headroom", "1", 0, SHARE, "share of the plan that only sharing between units can reach",
+     lambda run: share(run.bounds.bound - run.bounds.apart, run.bounds.plan)),
+    ("held_back", "1", -1, SHARE,
+     "share of the bound that readhesion controllers lose at the units they limit; sharing leaves the rest unused",
+     lambda run: share(run.bounds.held_back, run.bounds.bound)),
+    ("over_delivery", "1", -1, NEVER_NEGATIVE, "effort beyond the plan, relative to it",
+     lambda run: share(np.maximum(run.bounds.force - run.bounds.plan, 0.0), run.bounds.plan)),
+    ("utilisation", "1", +1, EITHER_WAY, "adhesion used: rail force over the force available to acting axles", _utilisation),
+    ("effort_ratio", "1", +1, UNLIMITED, "rail force of the acting axles over what accelerates the train as asked for",
+     _effort_ratio),
+    ("acceleration_ratio", "1", +1, UNLIMITED,
+     "acceleration reached, relative to the plan; running resistance and gradients count as loss",
+     lambda run: share(run.gain[run.demand], np.abs(run.command[run.demand]))),
+    ("energy", "MJ", 0, UNLIMITED, "work of the motors at the wheels",
+     lambda run: (run["motor_work"][-1] - run["motor_work"][0]) / 1e6),
+    ("distance", "m", 0, UNLIMITED, "distance run until the end, or until the target speed; nan where that is not reached",
+     lambda run: run["position"][run.end] - run["position"][0] if run.end >= 0 else math.nan),
+    ("time_to_speed", "s", -1, NEVER_NEGATIVE, "time from the first demand to the target speed", _time_to_speed),
+    ("time_lost", "s", -1, UNLIMITED,
+     "time lost in pulling to the last speed, against the same train on rail that carries everything",
+     lambda run: _lost(run, 1.0)),
+    ("distance_lost", "m", -1, UNLIMITED,
+     "way lost in braking to the last speed, against the same train on rail that carries everything",
+     lambda run: _lost(run, -1.0, np.abs(run["speed"]))),
+    # slip, damage, ride
+    ("slip_time", "s", -1, NEVER_NEGATIVE, "time spent slipping, summed over axles",
+     lambda run: (run.slip > SLIP_FACTOR * run["peak_slip"]).sum() * run.period),
+    ("slip_peak", "m/s", -1, NEVER_NEGATIVE, "largest slip velocity of any axle", lambda run: run.slip.max()),
+    ("locked_time", "s", -1, NEVER_NEGATIVE, "time that wheels stood above 5 km/h, summed over axles", _locked_time),
+    ("damage", "kJ", -1, NEVER_NEGATIVE,
+     "wheel damage Q: work dissipated between wheels and rail, JP4209318 (28), for driving too",
+     lambda run: float((run["friction_work"][-1] - run["friction_work"][0]).sum()) / 1e3),
+    ("excess_damage", "1", -1, EXCESS,
+     "wheel damage Q of driven axles over the least of the same effort at each instant, less 1",
+     lambda run: run.fronts.excess(run.fronts.force) if run.fronts else math.nan),
+    ("event_excess", "1", -1, EXCESS,
+     "wheel damage Q of driven axles over the least of the same impulse in the whole event, less 1",
+     lambda run: run.fronts.excess(run.fronts.best_course()) if run.fronts else math.nan),
+    ("jerk_rms", "m/s3", -1, NEVER_NEGATIVE, "jerk of the worst car, root mean square under demand",
+     lambda run: np.sqrt((run.jerk**2).mean(axis=0)).max() if run.jerk.size else math.nan),
+    ("jerk_peak", "m/s3", -1, NEVER_NEGATIVE, "largest jerk of any car under demand",
+     lambda run: np.abs(run.jerk).max() if run.jerk.size else math.nan),
+    ("coupler_peak", "kN", -1, NEVER_NEGATIVE, "largest coupler force; nan for a rigid train",
+     lambda run: float(np.abs(run["coupler_force"]).max()) / 1e3 if run["coupler_force"].any() else math.nan),
+    # the search for adhesion that was lost
+    ("search_time", "s", -1, NEVER_NEGATIVE,
+     "mean time from a loss of adhesion until 90 % of it is used again; where a search is cut off, until then",
+     lambda run: _mean([time for time, _ in run.searches])),
+    ("unfinished_searches", "1", -1, SHARE, "share of the searches for adhesion that found none in time",
+     lambda run: _mean([not found for _, found in run.searches])),
+    ("utilisation_short", "1", +1, EITHER_WAY, "adhesion used by units whose target asks for more of it",
+     _utilisation_short),
+    ("torque_fluctuation", "1", -1, NEVER_NEGATIVE, "rms of torque commands about their 1 s mean, over the plan's",
+     _torque_fluctuation),
+    ("rule_failures", "1", -1, NEVER_NEGATIVE, "calls in which the rule's solver failed",
+     lambda run: run.attrs["rule_failures"]),
+    ("controller_failures", "1", -1, NEVER_NEGATIVE, "steps in which a controller's solver failed",
+     lambda run: run.attrs["controller_failures"]),
+)  # fmt: skip
+
+
+def _measure(function: Callable[[Run], Any]) -> Measure:
+    return lambda run: float(function(run if isinstance(run, Run) else Run(run)))
+
+
+for _name, _unit, _better, _within, _meaning, _function in _METRICS:
+    METRICS.register(_name, Metric(_name, _unit, _meaning, _measure(_function), _better, _within))
+damage, distance, locked_time = (
+    METRICS[one].function for one in ("damage", "distance", "locked_time")
+)

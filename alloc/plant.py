@@ -12,11 +12,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from alloc import laws
 from alloc.backends import compiled as law
-from alloc.compilation import jit
+from alloc.compilation import jit, part
 from alloc.curves import PIECEWISE, coefficient, steepest, top
 from alloc.tables import Rows
 
@@ -31,10 +30,6 @@ STROKE = 0.1
 """Longest elongation of a coupler [m] for which a step is stable."""
 SMALLEST = 1e-150
 """Size of a state below which it is zero."""
-
-
-part: Any = njit(inline="always", error_model="numpy")
-"""Decorator of a part of the right side, which is inlined: a run then takes about a sixth less time."""
 
 
 @jit
@@ -88,20 +83,19 @@ def find_offered(t, y, axles, bodies, patches, scatter, plant):
             axles[i].offered *= 1.0 + plant.conditioning * axles[i].cleaned
     for i in range(axles.size):
         axles[i].offered = max(axles[i].offered, FLOOR)
-    if plant.recovered > 0.0:
+    if plant.recovered_coefficient > 0.0:
         for i in range(axles.size):
             a = axles[i]
             degree = law.both_cleaned(a.recovery, a.cleaned)
-            a.offered = law.recovered(a.offered, degree, plant.recovered)
+            a.offered = law.recovered(a.offered, degree, plant.recovered_coefficient)
 
 
 @part
-def find_coefficients(y, axles, bodies, omega, own_curve, plant):
+def find_coefficients(y, axles, bodies, omega, curve, plant):
     """Slip velocity and tangential force coefficient of each axle."""
-    curve, q = plant.curve, plant.curve_values
-    q0, q1, q2, q3, q4 = q[0], q[1], q[2], q[3], q[4]
-    speed = y[bodies]
-    if curve == PIECEWISE:  # what depends on its parameters alone is computed once
+    number, q, speed = plant.curve_number, curve, y[bodies]
+    if number == PIECEWISE:  # what depends on its parameters alone is computed once
+        q0, q1, q2, q3, q4 = q[0], q[1], q[2], q[3], q[4]
         for i in range(axles.size):
             a = axles[i]
             if bodies > 1:
@@ -113,15 +107,16 @@ def find_coefficients(y, axles, bodies, omega, own_curve, plant):
     for i in range(axles.size):
         a = axles[i]
         speed, rim = y[bodies + a.body], a.radius * y[omega + i]
-        a.slip_velocity = rim - speed
-        a.coefficient = coefficient(
-            curve, q, own_curve, rim - speed, speed, rim, a.offered, a.contact
-        )
+        slip = rim - speed
+        a.slip_velocity = slip
+        a.coefficient = coefficient(number, q, slip, speed, rim, a.offered, a.contact)
 
 
 @part
 def shift_loads(axles, cars):
     """Axle loads as cars and bogies pitch under their rail force, in closed form: no iteration between force and load."""
+    for k in range(cars.size):
+        cars[k].force, cars[k].pitch = 0.0, 0.0
     for i in range(axles.size):
         a, c = axles[i], cars[axles[i].car]
         c.force += a.coefficient * a.static_load
@@ -130,8 +125,6 @@ def shift_loads(axles, cars):
         a, c = axles[i], cars[axles[i].car]
         force = law.car_force(c.force, c.pitch)
         a.axle_load = law.axle_load(a.static_load, a.unloading, force)
-    for k in range(cars.size):
-        cars[k].force, cars[k].pitch = 0.0, 0.0
 
 
 @part
@@ -208,21 +201,13 @@ def pull_cars(y, dy, cars, bodies, line, plant):
 
 
 @part
-def reset(dy, cars, units, torque):
-    """Zero what sums over axles; whether motors run in parallel."""
-    parallel = False
-    for k in range(cars.size):
-        cars[k].force, cars[k].pitch = 0.0, 0.0
-    for j in range(units.size):
-        dy[torque + j] = 0.0  # sums angular speeds first
-        parallel = parallel or units[j].slip_torque > 0.0
-    return parallel
-
-
-@part
-def turn_wheels(y, dy, axles, cars, omega, torque, friction, pitches):
+def turn_wheels(y, dy, axles, cars, units, omega, torque, friction, pitches):
     """Rail forces, and the wheelsets under them and their motors; sums each unit's angular speeds; power of the motors."""
     motors = 0.0
+    for k in range(cars.size):
+        cars[k].force = 0.0
+    for j in range(units.size):
+        dy[torque + j] = 0.0
     for i in range(axles.size):
         a, turning = axles[i], y[omega + i]
         load = a.axle_load if pitches else a.static_load
@@ -255,7 +240,7 @@ def fill_cylinders(y, dy, brakes, pressure):
 def drive_motors(t, y, dy, units, effort, retard, torque, plant):
     """Rates of the torques, behind commands within what motors and line allow at the units' rim speeds."""
     share = law.power_taken(
-        t, plant.receptivity, plant.receptivity_swing, plant.receptivity_period, plant.receptivity_phase
+        t, plant.receptivity_mean, plant.receptivity_amplitude, plant.receptivity_period, plant.receptivity_phase
     )  # fmt: skip
     for j in range(units.size):
         u = units[j]
@@ -268,18 +253,17 @@ def drive_motors(t, y, dy, units, effort, retard, torque, plant):
 
 @jit
 def derivative(
-    t, y, dy, axles, cars, units, brakes, patches, line, effort, retard, own_curve, scatter, plant
+    t, y, dy, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, plant
 ):
     """Right side `dy` of the state `y` at the instant `t`; the rows note what is of this instant."""
     bodies, omega, torque, pressure, friction = places(axles, cars, units, brakes, plant)
     works, pitches = friction + axles.size, plant.pitches
-    parallel = reset(dy, cars, units, torque)
     find_offered(t, y, axles, bodies, patches, scatter, plant)
-    find_coefficients(y, axles, bodies, omega, own_curve, plant)
+    find_coefficients(y, axles, bodies, omega, curve, plant)
     if pitches:
         shift_loads(axles, cars)
-    motors = turn_wheels(y, dy, axles, cars, omega, torque, friction, pitches)
-    if parallel:
+    motors = turn_wheels(y, dy, axles, cars, units, omega, torque, friction, pitches)
+    if plant.parallel:
         motors += divide_torque(t, y, dy, axles, units, omega, torque)
     shoes = 0.0
     if fill_cylinders(y, dy, brakes, pressure) > 0.0:
@@ -345,7 +329,7 @@ def clean_rail(y, before, axles, bodies, omega, friction, span, rail, plant):
     for i in range(axles.size):
         a, b = axles[i], axles[i].body
         speed, rim = y[bodies + b], a.radius * y[omega + i]
-        if plant.recovered > 0.0:
+        if plant.recovered_coefficient > 0.0:
             power = (y[friction + i] - before[friction + i]) / span
             energy, lag = plant.recovery_energy, plant.recovery_time
             a.recovery = law.recovery(a.recovery, power, speed, energy, lag, span)
@@ -353,7 +337,7 @@ def clean_rail(y, before, axles, bodies, omega, friction, span, rail, plant):
         else:
             ratio = (rim - speed) / max(abs(speed), abs(rim), 1e-3)
             degree = law.cleaned(ratio, plant.conditioning_slip)
-        now = math.floor((y[b] + a.offset) / plant.cell)
+        now = math.floor((y[b] + a.offset) / plant.cleaning_spacing)
         if a.cell < now - rail.size or a.cell > now:
             a.cell = now
         for k in range(a.cell, now + 1 if i == 0 else now):
@@ -366,26 +350,26 @@ def clean_rail(y, before, axles, bodies, omega, friction, span, rail, plant):
 
 @jit
 def advance(
-    t, y, stages, axles, cars, units, brakes, patches, line, effort, retard, own_curve, scatter, rail, plant, asked
+    t, y, stages, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, rail, plant, asked
 ):  # fmt: skip
     """One control period from `t` on by classical Runge-Kutta steps of equal length, `plant.step` at most."""
     stage, slope, end = stages[0], stages[1], stages[2]
     bodies, omega, _, _, friction = places(axles, cars, units, brakes, plant)
-    period, cleans = plant.period, plant.conditioning > 0.0 or plant.recovered > 0.0
+    period, cleans = plant.period, plant.conditioning > 0.0 or plant.recovered_coefficient > 0.0
     steps = max(1, math.ceil(period / plant.step - 1e-9))
     h = period / steps
     for s in range(steps):
         now = t + s * h
         respond(now, brakes, asked, period)
         if cleans:
-            read_rail(y, axles, rail, plant.cell)
+            read_rail(y, axles, rail, plant.cleaning_spacing)
         for r in range(y.size):
             stage[r] = end[r] = y[r]
         for share, reach, at in (
             (1.0 / 6.0, 0.5, 0.0), (1.0 / 3.0, 0.5, 0.5), (1.0 / 3.0, 1.0, 0.5), (1.0 / 6.0, 0.0, 1.0)
         ):  # fmt: skip
             derivative(
-                now + at * h, stage, slope, axles, cars, units, brakes, patches, line, effort, retard, own_curve,
+                now + at * h, stage, slope, axles, cars, units, brakes, patches, line, effort, retard, curve,
                 scatter, plant,
             )  # fmt: skip
             for r in range(y.size):
@@ -393,9 +377,7 @@ def advance(
                 stage[r] = y[r] + reach * h * slope[r]
         if cleans:
             clean_rail(end, y, axles, bodies, omega, friction, h, rail, plant)
-        for r in range(
-            y.size
-        ):  # what is left of a standstill is no number that a processor computes fast
+        for r in range(y.size):  # what is left of a standstill no processor computes fast
             y[r] = end[r] if abs(end[r]) > SMALLEST else 0.0
 
 
@@ -403,9 +385,7 @@ def advance(
 
 
 @jit
-def true_limits(
-    t, y, stage, axles, cars, units, brakes, patches, line, own_curve, scatter, plant, run
-):
+def true_limits(t, y, stage, axles, cars, units, brakes, patches, line, curve, scatter, plant, run):
     """What each unit and each trailer's brake can carry, now and as far ahead as a torque cannot be changed: the oracle's.
 
     Writes `unit.truth` and `brake.most`; `stage` is room for a state.
@@ -423,12 +403,11 @@ def true_limits(
         find_offered(t + reach, stage, axles, bodies, patches, scatter, plant)
         for i in range(axles.size):
             a = axles[i]
-            most, place = top(
-                plant.curve, plant.curve_values, own_curve, y[bodies + a.body], a.offered, a.contact
-            )
+            speed = y[bodies + a.body]
+            most, place = top(plant.curve_number, curve, speed, a.offered, a.contact)
             load = law.axle_load(a.static_load, a.unloading, cars[a.car].force)
             carried = (USED_BY_AIR if run.braking else USED) * most * load
-            if run.sign * (a.radius * y[omega + i] - y[bodies + a.body]) > 1.05 * place:
+            if run.sign * (a.radius * y[omega + i] - speed) > 1.05 * place:
                 carried = min(carried, BACK * run.sign * a.rail_force)
             if a.unit >= 0:
                 units[a.unit].truth = min(units[a.unit].truth, carried)
@@ -442,15 +421,14 @@ def true_limits(
 
 
 def stable_step(
-    axles: Rows, cars: Rows, units: Rows, brakes: Rows, patches: Rows, own_curve: Any, scatter: Any, plant: Any
+    axles: Rows, cars: Rows, units: Rows, brakes: Rows, patches: Rows, curve: Any, scatter: Any, plant: Any
 ) -> float:  # fmt: skip
     """`plant.step` [s], or a shorter even part of the period at which contacts, shoes, motors and couplers are stable."""
     peak = axles.law_numerator / plant.law_offset + axles.law_constant
     peak = peak * np.prod(np.maximum(patches.factor, 1.0)) + np.maximum(axles.increment, 0.0)
     most = (peak.max() + 4.0 * np.std(scatter)) * (1.0 + plant.conditioning)
-    slope = steepest(
-        plant.curve, plant.curve_values, own_curve, max(most, plant.recovered), axles.contact.max()
-    )
+    most = max(most, plant.recovered_coefficient)
+    slope = steepest(plant.curve_number, curve, most, axles.contact.max())
     carried = slope * axles.static_load
     rigid = plant.body_mass > 0.0
     mass = np.full(1, plant.body_mass) if rigid else cars.mass
@@ -460,15 +438,12 @@ def stable_step(
         on_shaft = np.where(axles.unit >= 0, units.slip_torque[axles.unit] * axles.gear**2, 0.0)
         rates += [1.0 / units.lag.min(), (on_shaft / axles.inertia).max()]
     if brakes.size:
-        rates += [
-            1.0 / laws.LOCK_TIME,
-            1.0 / min(brakes.fill_time.min(), brakes.release_time.min()),
-        ]
+        quickest = min(brakes.fill_time.min(), brakes.release_time.min())
+        rates += [1.0 / laws.LOCK_TIME, 1.0 / quickest]
     if not rigid and cars.size > 1:
         inverse = (1.0 / mass[:-1] + 1.0 / mass[1:]).max()
         stiffest = (cars.stiffness + 3.0 * cars.stiffening * STROKE**2).max()
         rates += [2.0 * cars.damping.max() * inverse, math.sqrt(2.0 * stiffest * inverse)]
     steps = math.ceil(plant.period / plant.step * (1.0 - 1e-9))
-    return float(
-        plant.period / (steps * max(1, math.ceil(plant.period / steps * max(rates) / STABLE)))
-    )
+    parts = max(1, math.ceil(plant.period / steps * max(rates) / STABLE))
+    return float(plant.period / (steps * parts))

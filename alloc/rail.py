@@ -7,8 +7,8 @@ JP5484215 has the speed law (12), increments (15) and scatter; JP4209318 par. 00
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import MISSING, astuple, dataclass, field, fields
+from collections.abc import Iterator
+from dataclasses import MISSING, dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from alloc.columns import LINE, PATCH
 from alloc.curves import PiecewiseCurve
 from alloc.errors import PlantError
-from alloc.records import NOT_IN_FILES, Record, quantity
-from alloc.tables import Rows
+from alloc.records import NOT_IN_FILES, PlantRecord, quantity
+from alloc.tables import Rows, put
 
 SPEED_LAWS: dict[str, tuple[float, float, float]] = {
     "none": (0.0, 1.0, 1.0),
@@ -57,13 +57,11 @@ def logarithmic_increments(
 
 
 @dataclass(frozen=True)
-class Patch(Record):
+class Patch(PlantRecord):
     """A stretch of rail that multiplies the coefficient by a factor for a time; smooth edges.
 
     Source: assumed.
     """
-
-    error = PlantError
 
     factor: float = quantity(MISSING, "1", above=0.0, most=1000.0)
     """Factor on the coefficient."""
@@ -87,23 +85,12 @@ class Patch(Record):
                 yield f"{low} = {a!r} must lie before {high} = {b!r}"
 
 
-def patch_rows(patches: Sequence[Patch]) -> Rows:
-    """A row of `PATCH` for each."""
-    rows = PATCH.rows(len(patches))
-    for row, patch in zip(rows, patches, strict=True):
-        for item in fields(patch):
-            row[item.name] = getattr(patch, item.name)
-    return rows
-
-
 @dataclass(frozen=True)
-class Rail(Record):
+class Rail(PlantRecord):
     """Adhesion field.
 
     Source: assumed.
     """
-
-    error = PlantError
 
     level: float = quantity(MISSING, "1", above=0.0)
     """Scale of the speed law; the coefficient itself where the law is `none`."""
@@ -175,7 +162,7 @@ class Rail(Record):
 
     def _greatest_factor(self) -> float:
         """Largest product of the factors of patches that overlap, estimated from above: in space, and in time."""
-        raised = patch_rows([patch for patch in self.patches if patch.factor > 1.0])
+        raised = PATCH.of([patch for patch in self.patches if patch.factor > 1.0])
         products = [1.0 if raised.size == 0 else math.inf]
         for start, end, edge in (("start", "end", "edge"), ("begin", "until", "fade")):
             first, last = raised[start] - 0.5 * raised[edge], raised[end] + 0.5 * raised[edge]
@@ -202,13 +189,9 @@ class Rail(Record):
         axles.law_numerator, axles.law_constant = numerator, constant
         axles.increment = 0.0 if self.increments is None else self.increments
         axles.contact = self.curve.contact(0.5 * axles.static_load, axles.radius)
-        plant.law_offset, plant.cell = front[1], self.cleaning_spacing
-        plant.curve, plant.curve_values = self.curve.number, self.curve.values
-        plant.scatter_length = self.scatter_length if self.scatter > 0.0 else 0.0
-        plant.recovered = self.recovered_coefficient
-        plant.conditioning, plant.conditioning_slip = self.conditioning, self.conditioning_slip
-        for name in ("recovery_energy", "recovery_time", "recovery_left"):
-            plant[name] = getattr(self, name)
+        put(plant, self)
+        plant.law_offset, plant.curve_number = front[1], self.curve.number
+        plant.scatter_length *= self.scatter > 0.0
 
     def cells(self, length: float) -> NDArray[np.float64]:
         """Ring of cells under a train of `length` [m], none of them cleaned; a few where wheels clean nothing."""
@@ -217,7 +200,7 @@ class Rail(Record):
 
 
 @dataclass(frozen=True)
-class Line(Record):
+class Line(PlantRecord):
     """Gradient, tunnels and curves by position; gradient as rise per run (0.020 = 20 per mille).
 
     `stations` (k,) are the starts of sections with `grades` (k,); before the first and beyond the last the nearest applies.
@@ -225,8 +208,6 @@ class Line(Record):
 
     Source: this project.
     """
-
-    error = PlantError
 
     stations: tuple[float, ...] = quantity((0.0,), "m", least=-math.inf)
     """Increasing starts of the sections."""
@@ -284,13 +265,11 @@ class Line(Record):
 
 
 @dataclass(frozen=True)
-class Receptivity(Record):
+class Receptivity(PlantRecord):
     """Share of the electric brake that the line takes up: mean + amplitude sin(2 pi t / period + phase), in [0, 1].
 
     Source: assumed.
     """
-
-    error = PlantError
 
     mean: float = quantity(1.0, "1", most=1.0)
     """Mean share that the line takes up."""
@@ -300,9 +279,3 @@ class Receptivity(Record):
     """Period of its change."""
     phase: float = field(default=0.0, metadata=NOT_IN_FILES)
     """Phase of its change [rad]."""
-
-    def put_into(self, plant: Rows) -> None:
-        """Write it into the row of `PLANT`."""
-        names = ("receptivity", "receptivity_swing", "receptivity_period", "receptivity_phase")
-        for name, value in zip(names, astuple(self), strict=True):
-            plant[name] = value

@@ -9,6 +9,7 @@ import os
 import platform
 import shutil
 import threading
+from collections.abc import Iterator
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -16,7 +17,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numba import int64, types
 from numpy.typing import NDArray
 
 from alloc.columns import AXLE, BRAKE, CAR, RUN, UNIT
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Record(NamedTuple):
-    """Recorded rows (ticks, rows), and the same memory in words of 8 bytes, with that of the rows as they are now.
+    """Recorded rows (ticks, rows), and their memory in words of 8 bytes beside that of the rows as they are now.
 
     A late telegram, a cylinder's dead time, a delayed computation is a look-up in it.
     """
@@ -41,22 +41,11 @@ class Record(NamedTuple):
     units: Rows
     brakes: Rows
     run: Rows
-    axles_in: NDArray[np.int64]
-    cars_in: NDArray[np.int64]
-    units_in: NDArray[np.int64]
-    brakes_in: NDArray[np.int64]
-    run_in: NDArray[np.int64]
-    axle_words: NDArray[np.int64]
-    car_words: NDArray[np.int64]
-    unit_words: NDArray[np.int64]
-    brake_words: NDArray[np.int64]
-    run_words: NDArray[np.int64]
+    kept: tuple[NDArray[np.int64], ...]
+    live: tuple[NDArray[np.int64], ...]
 
 
 _TABLES = (AXLE, CAR, UNIT, BRAKE, RUN)
-_WORDS = (int64[:, :, ::1],) * len(_TABLES) + (int64[:, ::1],) * len(_TABLES)
-RECORD = types.NamedTuple(tuple(one.said[:, ::1] for one in _TABLES) + _WORDS, Record)
-"""Numba's type of a `Record`."""
 
 
 def room(w: World) -> Record:
@@ -64,43 +53,32 @@ def room(w: World) -> Record:
     live = w.axles, w.cars, w.units, w.brakes, w.run
     tables = zip(_TABLES, live, strict=True)
     rows = [table.record(w.command.size, one.size) for table, one in tables]
-    return Record(*rows, *map(words, rows), *map(words, live))
+    made: Any = *rows, tuple(map(words, rows)), tuple(map(words, live))
+    return Record(*made)
 
 
 # the recorded run
+
+Entry = tuple[str, tuple[str, ...], Any, str, str]
+"""Name of a variable, its dimensions, values, unit, meaning."""
 
 
 def dataset(
     event: "Event", rule: str, controller: str, w: World, record: Record, ended: int, wall_time: float
 ) -> xr.Dataset:  # fmt: skip
     """The recorded run of `ended` ticks; raises `UnsoundRun` where the state has become no number."""
+    period = event.onboard.period
     if not np.isfinite(w.state).all():
-        first = int(np.argmin(np.isfinite(record.run.speed[:ended, 0])))
-        raise UnsoundRun(
-            f"event {event.name!r} under {rule} and {controller}: the state is no number from "
-            f"{first * event.onboard.period:g} s on"
-        )
-    every = max(1, round(event.record_period / event.onboard.period))
-    kept = slice(0, ended, every)
-    recorded: tuple[Any, ...] = record[: len(_TABLES)]
-    parts = zip(_TABLES, recorded, strict=True)
-    dims: tuple[str, ...]
-    data: dict[str, Any] = {}
-    for table, rows in parts:
-        for name, column in table.columns.items():
-            if not column.recorded:
-                continue
-            values, dims = rows[name][kept], ("time", table.name)
-            if table is RUN:
-                values, dims = values[:, 0], ("time",)
-            if name == "coupler_force":  # behind the last car there is none
-                values, dims = values[:, :-1], ("time", "coupler")
-            data[name] = _variable(dims, values, column.unit, column.meaning)
+        since = int(np.argmin(np.isfinite(record.run.speed[:ended, 0]))) * period
+        told = f"the state is no number from {since:g} s on"
+        raise UnsoundRun(f"event {event.name!r} under {rule} and {controller}: {told}")
+    kept = slice(0, ended, max(1, round(event.record_period / period)))
+    data = {}
+    for name, dims, values, unit, meaning in (*_recorded(record, kept), *_derived(record, kept, w)):
+        about = {"units": unit, "long_name": meaning}
+        # numbers throughout: to look for dates in them would take half of the time
+        data[name] = xr.Variable(dims, np.ascontiguousarray(values), about, fastpath=True)
     instants = data.pop("time")
-    _add_tops(data, w)
-    _add_limits(data, instants.values, w)
-    for name, (dims, values, unit, meaning) in _fixed(w).items():
-        data[name] = _variable(dims, values, unit, meaning)
     coordinates = {
         "time": xr.IndexVariable("time", instants.values, instants.attrs),
         **_numbers(w.axles.unit.tobytes(), w.axles.car.tobytes(), w.cars.size, w.units.size),
@@ -108,76 +86,56 @@ def dataset(
     return xr.Dataset(data, coordinates, _attributes(event, rule, controller, w, ended, wall_time))
 
 
-def _variable(dims: tuple[str, ...], values: Any, unit: str, meaning: str) -> xr.Variable:
-    attributes = {"units": unit, "long_name": meaning}
-    # numbers throughout: to look for dates in them would take half of the time
-    return xr.Variable(dims, np.ascontiguousarray(values), attributes, fastpath=True)
+def _recorded(record: Record, kept: slice) -> Iterator[Entry]:
+    for table, rows in zip(_TABLES, record, strict=False):
+        for name in table.recorded.names:
+            values, column = rows[name][kept], table.columns[name]
+            dims: tuple[str, ...] = "time", table.name
+            if table is RUN:
+                values, dims = values[:, 0], ("time",)
+            if name == "coupler_force":  # behind the last car there is none
+                values, dims = values[:, :-1], ("time", "coupler")
+            yield name, dims, values, column.unit, column.meaning
 
 
-def _add_tops(data: dict[str, Any], w: World) -> None:
-    """What the curve's top is at every instant: of some curves it costs more than a step of the plant."""
-    plant, speed = w.plant[0], data["car_speed"].values[:, w.axles.car]
-    offered = data["offered"].values
-    most, slip = tops(
-        plant.curve,
-        plant.curve_values,
-        w.own_curve,
-        np.ascontiguousarray(speed),
-        offered,
-        w.axles.contact,
-    )
-    about = "true adhesion coefficient: the largest over the slip", "slip velocity of that largest"
-    for name, values, unit, meaning in (
-        ("adhesion_limit", most, "1", about[0]),
-        ("peak_slip", slip, "m s-1", about[1]),
-    ):
-        data[name] = _variable(("time", "axle"), values, unit, meaning)
-
-
-def _add_limits(data: dict[str, Any], time: NDArray[np.float64], w: World) -> None:
-    """What motors can at the train's speed, and as far as the line takes it; 0 from their failure on."""
-    plant, driven = w.plant[0], w.axles.unit >= 0
-    inside = (w.axles.unit[:, None] == np.arange(w.units.size))[driven]
-    share = inside / np.maximum(inside.sum(axis=0), 1)
-    kmh = 3.6 * np.abs(data["car_speed"].values[:, w.axles.car[driven]] @ share)
-    works = time[:, None] < w.units.failure
+def _derived(record: Record, kept: slice, w: World) -> Iterator[Entry]:
+    """What follows from the record, and what does not change."""
+    plant, a, units, time = w.plant[0], w.axles, w.units, record.run.time[kept, 0]
+    speed = record.cars.car_speed[kept]
+    # of some curves the top costs more than a step of the plant
+    offered = record.axles.offered[kept], a.contact
+    most, slip = tops(plant.curve_number, w.curve, speed[:, a.car], *offered)
+    about = "true adhesion coefficient: the largest over the slip"
+    yield "adhesion_limit", ("time", "axle"), most, "1", about
+    yield "peak_slip", ("time", "axle"), slip, "m s-1", "slip velocity of that largest"
+    # motors at the train's speed, and as far as the line takes it; 0 from their failure on
+    driven = a.unit >= 0
+    inside = (a.unit[:, None] == np.arange(units.size))[driven]
+    kmh = 3.6 * np.abs(speed[:, a.car[driven]] @ (inside / np.maximum(inside.sum(axis=0), 1)))
+    works, grid = time[:, None] < units.failure, np.arange(w.effort.shape[1])
     phase = 2.0 * np.pi * time / plant.receptivity_period + plant.receptivity_phase
-    taken = np.clip(plant.receptivity + plant.receptivity_swing * np.sin(phase), 0.0, 1.0)
-    for name, table, part, meaning in (
-        ("drive_limit", w.effort, np.ones_like(time), "most that each motor can pull with"),
-        (
-            "brake_limit",
-            w.retard,
-            taken,
-            "most that each motor can brake with, as far as the line takes it",
-        ),
-    ):
-        speeds = np.arange(table.shape[1])
-        found = [np.interp(kmh[:, j], speeds, table[j]) for j in range(w.units.size)]
-        values = np.reshape(found, (w.units.size, time.size)).T * works * part[:, None]
-        data[name] = _variable(("time", "unit"), values, "N m", meaning)
-
-
-def _fixed(w: World) -> dict[str, tuple[tuple[str, ...], Any, str, str]]:
-    """What does not change: dimensions, values, unit, meaning."""
-    a, driven = w.axles, w.axles.unit >= 0
-    load = np.bincount(a.unit[driven], a.static_load[driven], w.units.size)
-    turning = a.inertia / a.radius**2
-    of_axle, of_unit = ("axle",), ("unit",)
-    return {
-        "axle_unit": (of_axle, a.unit, "1", AXLE.columns["unit"].meaning),
-        "axle_car": (of_axle, a.car, "1", AXLE.columns["car"].meaning),
-        "axle_group": (of_axle, a.brake, "1", AXLE.columns["brake"].meaning),
-        "axle_contact": (of_axle, a.contact, "1", AXLE.columns["contact"].meaning),
-        "axle_static_load": (of_axle, a.static_load, "N", AXLE.columns["static_load"].meaning),
-        "axle_radius": (of_axle, a.radius, "m", AXLE.columns["radius"].meaning),
-        "axle_turning_mass": (of_axle, turning, "kg", "mass that would resist like the turning wheelset"),
-        "unit_static_load": (of_unit, load, "N", "axle load at rest of the unit's axles, summed"),
-        "unit_gear": (of_unit, w.units.gear, "1", UNIT.columns["gear"].meaning),
-        "unit_radius": (of_unit, w.units.true_radius, "m", UNIT.columns["true_radius"].meaning),
-        "unit_parallel": (of_unit, w.units.slip_torque > 0.0, "1", "whether its motors share a frequency"),
-        "car_mass": (("car",), w.cars.mass, "kg", CAR.columns["mass"].meaning),
-    }  # fmt: skip
+    taken = plant.receptivity_mean + plant.receptivity_amplitude * np.sin(phase)
+    for name, limits, part, more in (
+        ("drive_limit", w.effort, np.ones_like(time), "pull with"),
+        ("brake_limit", w.retard, np.clip(taken, 0.0, 1.0), "brake with, as far as the line takes it"),
+    ):  # fmt: skip
+        found = [np.interp(kmh[:, j], grid, limits[j]) for j in range(units.size)]
+        values = np.reshape(found, (units.size, time.size)).T * works * part[:, None]
+        yield name, ("time", "unit"), values, "N m", f"most that each motor can {more}"
+    load = np.bincount(a.unit[driven], a.static_load[driven], units.size)
+    parallel = units.slip_torque > 0.0
+    for table, name, column, values in (
+        (AXLE, "axle_unit", "unit", a.unit), (AXLE, "axle_car", "car", a.car), (AXLE, "axle_group", "brake", a.brake),
+        (AXLE, "axle_contact", "contact", a.contact), (AXLE, "axle_static_load", "static_load", a.static_load),
+        (AXLE, "axle_radius", "radius", a.radius), (UNIT, "unit_gear", "gear", units.gear),
+        (UNIT, "unit_radius", "true_radius", units.true_radius), (CAR, "car_mass", "mass", w.cars.mass),
+    ):  # fmt: skip
+        yield name, (table.name,), values, table.columns[column].unit, table.columns[column].meaning
+    about = "mass that would resist like the turning wheelset"
+    yield "axle_turning_mass", ("axle",), a.inertia / a.radius**2, "kg", about
+    about = "axle load at rest of the unit's axles, summed"
+    yield "unit_static_load", ("unit",), load, "N", about
+    yield "unit_parallel", ("unit",), parallel, "1", "whether its motors share a frequency"
 
 
 @lru_cache(maxsize=16)
@@ -218,9 +176,8 @@ def _attributes(
         "rule_gap": float(run.rule_gap),
         "controller_calls": ended * w.units.size,
         "controller_failures": int(w.units.faults.sum()),
-        "curve": int(plant.curve),
-        "curve_values": plant.curve_values.copy(),
-        "own_curve": w.own_curve.tolist() if w.own_curve.size > 1 else 0.0,
+        "curve": int(plant.curve_number),
+        "curve_values": w.curve.copy(),
         "wall_time_s": wall_time,
         **provenance(),
     }

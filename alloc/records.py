@@ -16,7 +16,7 @@ from numbers import Real
 from textwrap import dedent
 from typing import Any, ClassVar, Literal, NamedTuple, get_args, get_origin
 
-from alloc.errors import InputError
+from alloc.errors import InputError, PlantError
 
 NOT_IN_FILES = {"unit": None}
 """Metadata of a field that no scenario file sets."""
@@ -49,21 +49,12 @@ ANY = Bounds()
 """Of a number that declares none: finite."""
 
 
-def quantity(
-    default: Any,
-    unit: str,
-    *,
-    above: float = -math.inf,
-    least: float = 0.0,
-    most: float = math.inf,
-    infinite: bool = False,
-) -> Any:
-    """A number of a record, or several, kept in SI units as its bounds are; MISSING as `default`: there is none.
+def quantity(default: Any, unit: str, *, least: float = 0.0, **others: Any) -> Any:
+    """A number of a record, or several, kept in SI units as its `Bounds` are; MISSING as `default`: there is none.
 
-    `unit`: that of the key in files, "1" for a pure number. `infinite`: it may be.
+    `unit`: that of the key in files, "1" for a pure number.
     """
-    bounds = Bounds(above, least, most, infinite)
-    return field(default=default, metadata={"unit": unit, "bounds": bounds})
+    return field(default=default, metadata={"unit": unit, "bounds": Bounds(least=least, **others)})
 
 
 @dataclass(frozen=True)
@@ -90,6 +81,12 @@ class Record:
     def _faults(self) -> Iterator[str]:
         """What does not fit together, the declared bounds being kept; each is looked for where there is none before it."""
         yield from ()
+
+
+class PlantRecord(Record):
+    """A record of train, rail or line."""
+
+    error = PlantError
 
 
 def declared_faults(record: Any) -> Iterator[str]:

@@ -12,23 +12,17 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numba import boolean, int64, void
+from numba import boolean, int64, typeof, void
 from numba.extending import register_jitable
 
-from alloc.compilation import jit
+from alloc.compilation import jit, part
 from alloc.errors import InputError, SimulationError
 from alloc.event import Event
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.sensing import report, sense
 from alloc.onboard.slide import protect
 from alloc.onboard.speed import ease
-from alloc.onboard.targets import (
-    ask_brakes,
-    foresee,
-    set_brake_targets,
-    set_targets,
-    trailers_lack,
-)
+from alloc.onboard.targets import ask_brakes, foresee, set_brake_targets, set_targets, trailers_lack
 from alloc.onboard.telegrams import set_limits
 from alloc.parts import (
     BELIEF,
@@ -41,16 +35,13 @@ from alloc.parts import (
     ready,
 )
 from alloc.plant import advance, derivative, note, true_limits
-from alloc.record import RECORD, dataset, room
+from alloc.record import dataset, room
 from alloc.registry import Registry
 from alloc.rules import RULES, Rule
-from alloc.world import WORLD
 
 
 def simulate(
-    event: Event,
-    rule: str | Rule = "cooperative",
-    controller: str | Controller = "perturb-observe",
+    event: Event, rule: str | Rule = "cooperative", controller: str | Controller = "perturb-observe"
 ) -> xr.Dataset:
     """Run an event; returns the recorded run.
 
@@ -67,12 +58,9 @@ class Simulation:
 
     def __init__(self, event: Event, rule: str | Rule, controller: str | Controller) -> None:
         if not isinstance(event, Event):
-            scenario = hasattr(event, "event")
-            hint = (
-                "its method event(seed) gives one"
-                if scenario
-                else "readhesion.simulate takes names too"
-            )
+            hint = "readhesion.simulate takes names too"
+            if hasattr(event, "event"):  # a scenario
+                hint = "its method event(seed) gives one"
             raise SimulationError(f"{event!r:.60} is no Event: {hint}")
         self.rule: Rule = _part(RULES, Rule, rule)
         self.controller: Controller = _part(CONTROLLERS, Controller, controller)
@@ -101,7 +89,8 @@ class Simulation:
         parts: tuple[Any, ...] = belief, law, control
         if are_compiled(*parts):
             parts = ready(belief, BELIEF), ready(law, LAW), ready(control, CONTROL)
-            compiled_steps()(*parts, self.knows, self.tick, self.world, self.record)
+            loop = compiled_steps(typeof(self.world), typeof(self.record))
+            loop(*parts, self.knows, self.tick, self.world, self.record)
         else:
             with np.errstate(all="ignore"):  # as compiled code has it
                 self._served(*parts)
@@ -143,20 +132,17 @@ def _part(registry: Registry[Any], kind: type, given: Any) -> Any:
     if isinstance(given, str):
         return registry.find(given)
     if not isinstance(given, kind):
-        several = isinstance(given, list | tuple)
-        hint = (
-            "a run has one; `readhesion.compare` takes several"
-            if several
-            else f"give its name, or {kind.__name__}(...)"
-        )
+        hint = f"give its name, or {kind.__name__}(...)"
+        if isinstance(given, list | tuple):
+            hint = "a run has one; `readhesion.compare` takes several"
         raise SimulationError(f"{registry.kind} = {given!r:.60}: {hint}")
     return given
 
 
-# An instant, in its order; each piece is compiled by itself.
+# An instant, in its order. Each piece is inlined in the loop, and compiled by itself where Python calls it.
 
 
-@jit
+@part
 def listen(k, w):
     """Command and readings of instant k, and what each unit would say of itself."""
     run, onboard, plant = w.run[0], w.onboard[0], w.plant[0]
@@ -184,16 +170,7 @@ def listen(k, w):
         run.needed += trailers_lack(w.units, w.brakes, run)
 
 
-@jit
-def see(w):
-    """What no computer on board can know."""
-    true_limits(
-        w.run[0].time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.own_curve, w.scatter,
-        w.plant[0], w.run[0],
-    )  # fmt: skip
-
-
-@jit
+@part
 def set_aims(k, w, record):
     """Limits that have arrived, and what they ask of motors and air."""
     run, onboard = w.run[0], w.onboard[0]
@@ -204,15 +181,7 @@ def set_aims(k, w, record):
         set_targets(w.units, onboard, run)
 
 
-@jit
-def keep(words, into):
-    """Write rows down: each table's recorded columns are the first words of its rows."""
-    for i in range(into.shape[0]):
-        for c in range(into.shape[1]):
-            into[i, c] = words[i, c]
-
-
-@jit
+@part
 def go(k, w, record):
     """Command motors and valves, write the instant down, and go to the next."""
     run = w.run[0]
@@ -225,22 +194,22 @@ def go(k, w, record):
     write_down_and_advance(k, w, record)
 
 
-@jit
+@part
 def write_down_and_advance(k, w, record):
     """The plant at instant k as it is recorded, and a control period under what motors and valves are commanded."""
     plant, run = w.plant[0], w.run[0]
     derivative(
         run.time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
-        w.own_curve, w.scatter, plant,
+        w.curve, w.scatter, plant,
     )  # fmt: skip
     note(w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, plant, run)
-    keep(record.axle_words, record.axles_in[k])
-    keep(record.car_words, record.cars_in[k])
-    keep(record.unit_words, record.units_in[k])
-    keep(record.brake_words, record.brakes_in[k])
-    keep(record.run_words, record.run_in[k])
+    for n in range(len(record.kept)):  # recorded columns are the first words of a row
+        live, kept = record.live[n], record.kept[n]
+        for i in range(kept.shape[1]):
+            for c in range(kept.shape[2]):
+                kept[k, i, c] = live[i, c]
     advance(
-        run.time, w.state, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard, w.own_curve,
+        run.time, w.state, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard, w.curve,
         w.scatter, w.rail, plant, record.brakes,
     )  # fmt: skip
 
@@ -248,24 +217,28 @@ def write_down_and_advance(k, w, record):
 # Both may be called from Python, with parts in Python, and from the compiled loop.
 
 
-@register_jitable
+@register_jitable(inline="always")
 def aim(belief, law, knows, k, w, record):
     """Up to the targets of instant k."""
     run = w.run[0]
     listen(k, w)
     if knows:
-        see(w)
+        true_limits(
+            run.time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.curve, w.scatter,
+            w.plant[0], run,
+        )  # fmt: skip
     if belief(k, w.units, record.units, w.heard, run):
         run.asked += 1
         run.level = law(w.units, run)
     set_aims(k, w, record)
 
 
-@register_jitable
+@register_jitable(inline="always")
 def command(control, w):
     """What the readhesion controller of each unit commands."""
     for j in range(w.units.size):
-        control(w.units[j], w.axles[w.first[j] : w.last[j]], w.memory[j], w.run[0])
+        u = w.units[j]
+        control(u, w.axles[u.first : u.last], w.memory[j], w.run[0])
 
 
 def steps(belief, law, control, knows, first, w, record):
@@ -277,7 +250,9 @@ def steps(belief, law, control, knows, first, w, record):
 
 
 @cache
-def compiled_steps() -> Any:
-    """`steps` for compiled parts, which it calls by their addresses, so it is compiled once for all of them."""
-    kinds: Any = (BELIEF_TYPE, LAW_TYPE, CONTROL_TYPE, boolean, int64, WORLD, RECORD)
-    return jit(void(*kinds))(steps)
+def compiled_steps(*kinds: Any) -> Any:
+    """`steps` for compiled parts, which it calls by their addresses, so it is compiled once for all of them.
+
+    `kinds`: Numba's types of a world and a record, which are those of any other.
+    """
+    return jit(void(BELIEF_TYPE, LAW_TYPE, CONTROL_TYPE, boolean, int64, *kinds))(steps)

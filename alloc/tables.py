@@ -4,7 +4,8 @@ From a column follow the memory of compiled code, a variable of the recorded run
 Rows are read by name everywhere: `units[j].limit` in compiled and in plain code, `units.limit` in NumPy.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,23 @@ class Table:
             made[key] = values.get(key, column.default)
         return made
 
+    def of(self, records: Sequence[Any]) -> Rows:
+        """A row for each record."""
+        made = self.rows(len(records))
+        for row, one in zip(made, records, strict=True):
+            put(row, one)
+        return made
+
     def record(self, ticks: int, n: int) -> Rows:
         """Room for what is recorded of `n` rows at every instant, (ticks, n)."""
         return np.zeros((ticks, n), self.recorded).view(np.recarray)
+
+
+def put(row: Any, record: Any, prefix: str = "") -> None:
+    """Write the fields of a record into the columns that have their names, behind `prefix`."""
+    for one in fields(record):
+        if (name := prefix + one.name) in row.dtype.names:
+            row[name] = getattr(record, one.name)
 
 
 def words(rows: Rows) -> NDArray[np.int64]:

@@ -82,10 +82,10 @@ AXLES = tuple(Start(0.08, axles=n, duration=2.5) for n in (1, 2, 3, 4))
 
 @lru_cache(maxsize=8)
 def _torques(controller: Controller, start: Start) -> Any:
-    """Commands, and what they exceed their targets by, over the greatest target, (ticks, units) each."""
+    """Commands, and what they exceed their targets by, over the greatest target, (2, ticks, units)."""
     run = simulate(start.event, "alone", controller)
     command, target = run["torque_command"].values, run["torque_target"].values
-    return command / target.max(), (command - target) / target.max()
+    return np.array([command, command - target]) / target.max()
 
 
 def _beyond(controller: Controller, start: Start) -> float:
@@ -95,7 +95,7 @@ def _beyond(controller: Controller, start: Start) -> float:
 
 def _lacks(controller: Controller, start: Start) -> float:
     late = round(SETTLED / start.event.onboard.period)
-    return -float(_torques(controller, start)[1][late:].min())
+    return -float(_torques(controller, start)[1, late:].min())
 
 
 def _differs(one: Controller, start: Start) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from alloc.errors import PlantError
 from alloc.laws import PI
-from alloc.records import Record, quantity
+from alloc.records import PlantRecord, quantity
 
 Floats = NDArray[np.float64]
 InverterGroup = Literal["1C4M", "1C2M", "1C1M"]
@@ -33,12 +33,6 @@ BREAKDOWN_SLIP = 10.0 * PI
 1.4 % of 4200/min on the nameplate of CRH2's motors (300 kW, 140 Hz, 4140/min)."""
 MOST_AXLES = 2000
 """Largest number of axles; the longest trains have some 1500."""
-
-
-class PlantRecord(Record):
-    """A record of the plant."""
-
-    error = PlantError
 
 
 @dataclass(frozen=True)
@@ -62,23 +56,6 @@ class TorqueLimit(PlantRecord):
     def _faults(self) -> Iterator[str]:
         if self.table == ():
             yield "table is empty"
-
-    @classmethod
-    def of_effort(
-        cls,
-        speeds_kmh: Sequence[float],
-        efforts: Sequence[float],
-        radius: float,
-        gear_ratio: float,
-        motors: int,
-    ) -> "TorqueLimit":
-        """Limit of each of `motors` motors that together have these efforts [N] at the rims of wheels of `radius` [m].
-
-        Linear between the given speeds [km/h]; before the first and beyond the last the nearest effort applies.
-        """
-        speed = np.arange(min(EFFORT_TABLE_LENGTH, math.ceil(speeds_kmh[-1]) + 1))
-        torque = radius / (gear_ratio * motors) * np.interp(speed, speeds_kmh, efforts)
-        return cls(peak=float(torque[0]), power=0.0, table=tuple(torque.tolist()))
 
     @property
     def greatest(self) -> float:

@@ -3,7 +3,7 @@
 What the train truly is and what its computers believe of it stand in columns of their own. SI units.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from alloc.columns import AXLE, BRAKE, CAR, UNIT
 from alloc.laws import GRAVITY
-from alloc.tables import Rows, Table
-from alloc.train import EFFORT_TABLE_LENGTH, AirBrake, Car, Train
+from alloc.tables import Rows, put
+from alloc.train import EFFORT_TABLE_LENGTH, Car, Train
 
 Floats = NDArray[np.float64]
 
@@ -48,12 +48,51 @@ def train_rows(
     whether a target holds the torque that turns the wheelsets, JP5484215 (6). `blended`: whether every car brakes itself.
     """
     axles, cars, units, brakes, effort, retard = (table.copy() for table in _truth(train))
-    found = axles, cars, units, brakes
-    onboard = _believe(train, *found, loads, radius_errors, inertia_in_limit, blended)
-    rigid = train.mass if train.couplers is None else 0.0
-    plant = {"body_mass": rigid, "pitches": int(axles.unloading.any())}
-    plant |= _plans(axles, axles.static_load, train.mass, True, onboard["blended"])
-    return TrainRows(*found, effort, retard, plant, onboard)
+    empty, pay = np.array([(car.empty_mass, car.load) for car in train.cars]).T
+    mass = empty + np.maximum(pay if loads is None else loads, 0.0)
+    load = axles.static_load * (mass / cars.mass)[axles.car]
+    axles.believed_radius = axles.radius * (1.0 + np.asarray(radius_errors))
+    blends = int(brakes.size > 0 and (blended or units.size == 0))
+    plans = _plans(axles, load, mass.sum(), inertia_in_limit, blends)
+    turning = GRAVITY * axles.inertia / axles.radius**2 * inertia_in_limit
+    for rows, member in ((units, axles.unit), (brakes, axles.brake)):
+        for k in range(rows.size):
+            inside, row = member == k, rows[k]
+            row.load = load[inside].mean()
+            own = turning[inside].mean() / (GRAVITY * row.load)
+            if rows is brakes:
+                row.turning = own / plans["brake_planned"]
+                continue
+            row.turning, row.brake_turning = own / plans["planned"], own / plans["brake_planned"]
+            row.radius = axles.believed_radius[inside].mean()
+            row.inertia = axles.inertia[inside].mean()
+    if units.size:
+        weight = units.load * units.axles
+        units.mass = weight / weight.mean()
+    names = "resistance", "resistance_linear", "resistance_quadratic"
+    onboard: dict[str, Any] = plans | dict(zip(names, train.resistance, strict=True))
+    onboard |= {"blended": blends, "train_mass": mass.sum()}
+    plant: dict[str, Any] = {"body_mass": train.mass if train.couplers is None else 0.0}
+    plant |= {"pitches": axles.unloading.any(), "parallel": units.slip_torque.any()}
+    plant |= _plans(axles, axles.static_load, train.mass, True, blends)
+    return TrainRows(axles, cars, units, brakes, effort, retard, plant, onboard)
+
+
+def _plans(
+    axles: Rows, load: Floats, mass: float, inertia_in_limit: bool, blended: int
+) -> dict[str, float]:
+    """Coefficients that each m/s2 of a train of `mass` [kg] needs of axles that pull and that brake; `load` (axles,) [N].
+
+    The rail carries what accelerates the train and turns the wheelsets that do not act. What turns those that do comes from
+    their own motors or shoes, on top of a limit.
+    """
+    turning, driven = axles.inertia / axles.radius**2, axles.unit >= 0
+    braked = driven | (axles.brake >= 0) if blended else driven
+    found = {}
+    for name, acting in (("planned", driven), ("brake_planned", braked)):
+        resisting = turning[~acting] if inertia_in_limit else turning
+        found[name] = (mass + resisting.sum()) / load[acting].sum() if acting.any() else 0.0
+    return found
 
 
 @lru_cache(maxsize=64)
@@ -93,145 +132,64 @@ def level_for(curve: Any, adhesion: float, speed: float, train: Train) -> float:
 @lru_cache(maxsize=64)
 def _truth(train: Train) -> tuple[Any, ...]:
     """The arrays of `TrainRows` with what is true alone; to be copied."""
-    axles, units, brakes, front = list[Rows](), list[Rows](), list[Rows](), 0.0
-    limits: list[list[Floats]] = []
-    cars, coupled = CAR.rows(len(train.cars)), train.couplers is not None
-    for c, car in enumerate(train.cars):
-        own = _axles(car, c, coupled, front, train.load_transfer)
-        units += _units(car, own, len(units), limits)
-        brakes += _brake_groups(car, own, len(brakes))
-        axles.append(own)
-        cars[c].mass, cars[c].middle = car.mass, -(front + 0.5 * car.length)
-        cars[c].body, front = c * coupled, front + car.length
-        cars[c].resistance_quadratic = train.resistance[2] * car.length / train.length
-    cars.resistance, cars.resistance_linear = np.outer(train.resistance[:2], cars.mass / train.mass)
-    for c, coupler in enumerate(train.couplers or ()):
-        for name in ("stiffness", "stiffening", "damping", "slack"):
-            cars[c][name] = getattr(coupler, name)
-    tables = np.array(limits).reshape(-1, 2, EFFORT_TABLE_LENGTH).swapaxes(0, 1)
-    joined = _joined(AXLE, axles), cars, _joined(UNIT, units), _joined(BRAKE, brakes)
-    return (*joined, tables[0].copy(), tables[1].copy())
+    all_cars, coupled = train.cars, train.couplers is not None
 
+    def of_axles(part: Callable[[Car], ArrayLike]) -> NDArray[Any]:
+        return np.concatenate([np.asarray(part(one)) for one in all_cars])
 
-def _joined(table: Table, parts: Sequence[Rows]) -> Rows:
-    rows, first = table.rows(sum(part.size for part in parts)), 0
-    for part in parts:
-        rows[first : first + part.size] = part
-        first += part.size
-    return rows
-
-
-def _axles(car: Car, number: int, coupled: bool, front: float, load_transfer: bool) -> Rows:
-    """Axles of a car whose front is `front` [m] behind the train's."""
-    return AXLE.rows(
-        len(car.axle_positions),
-        car=number,
-        body=number * coupled,
-        offset=-(front + np.array(car.axle_positions)),
-        radius=car.wheel_radius,
-        inertia=car.wheel_inertia,
-        static_load=car.mass * GRAVITY * car.shares,
-        unloading=car.unloading() * load_transfer,
-        sensed=int(car.speed_sensors),
+    length, mass, radius, sensors = (
+        np.array([getattr(one, name) for one in all_cars])
+        for name in ("length", "mass", "wheel_radius", "speed_sensors")
     )
-
-
-def _units(car: Car, axles: Rows, first: int, limits: list[list[Floats]]) -> list[Rows]:
-    """Traction units of a car, from number `first` on, written into its `axles`; their torque limits join `limits`."""
-    rows, motors, radius = [], car.motors, car.wheel_radius
-    for j, members in enumerate(car.units()):
-        assert motors is not None
-        axles.gear[members], axles.unit[members], n = motors.gear_ratio, first + j, len(members)
-        known = {"axles": n, "seen": n, "gear": motors.gear_ratio, "true_radius": radius}
-        rows.append(UNIT.rows(1, lag=motors.torque_lag, slip_torque=motors.slip_torque, **known))
-        each = motors.drive, motors.brake
-        limits.append([one.tabulate(radius, motors.gear_ratio) for one in each])
-    return rows
-
-
-def _brake_groups(car: Car, axles: Rows, first: int) -> list[Rows]:
-    """Brake groups of a car, one per bogie, from number `first` on, written into its `axles`."""
-    brake: AirBrake | None = car.air_brake
-    if brake is None:
-        return []
-    rows, bogies = [], np.array(car.bogie_of_axle)
-    numerator, offset, constant = brake.friction
-    axles.brake = first + bogies
-    for bogie in range(car.brake_groups):
-        inside = bogies == bogie
+    front = np.append(0.0, np.cumsum(length)[:-1])
+    cars = CAR.rows(
+        mass.size,
+        body=np.arange(mass.size) * coupled,
+        mass=mass,
+        middle=-(front + 0.5 * length),
+        resistance=train.resistance[0] * (mass / train.mass),
+        resistance_linear=train.resistance[1] * (mass / train.mass),
+        resistance_quadratic=train.resistance[2] * length / train.length,
+    )
+    for row, coupler in zip(cars, train.couplers or (), strict=False):
+        put(row, coupler)
+    car = np.repeat(np.arange(mass.size), [len(one.axle_positions) for one in all_cars])
+    axles = AXLE.rows(
+        car.size,
+        car=car,
+        body=car * coupled,
+        offset=-(front[car] + of_axles(lambda one: one.axle_positions)),
+        radius=radius[car],
+        inertia=of_axles(lambda one: one.wheel_inertia),
+        static_load=of_axles(lambda one: one.mass * GRAVITY * one.shares),
+        unloading=of_axles(Car.unloading) * train.load_transfer,
+        sensed=sensors[car],
+    )
+    first = np.searchsorted(car, np.arange(mass.size))
+    placed = list(zip(all_cars, first, strict=True))
+    parts = [(one, k + np.array(inside)) for one, k in placed for inside in one.units()]
+    units, limits = UNIT.rows(len(parts)), np.zeros((2, len(parts), EFFORT_TABLE_LENGTH))
+    for j, (one, inside) in enumerate(parts):
+        motors: Any = one.motors
+        units[j].lag, units[j].slip_torque = motors.torque_lag, motors.slip_torque
+        units[j].axles = units[j].seen = inside.size
+        units[j].first, units[j].last = inside[0], inside[-1] + 1
+        units[j].gear, units[j].true_radius = motors.gear_ratio, one.wheel_radius
+        axles.gear[inside], axles.unit[inside] = motors.gear_ratio, j
+        for table, most in zip(limits, (motors.drive, motors.brake), strict=True):
+            table[j] = most.tabulate(one.wheel_radius, motors.gear_ratio)
+    groups: list[tuple[Any, int, NDArray[np.int64]]] = [
+        (one, bogie, k + np.flatnonzero(np.equal(one.bogie_of_axle, bogie)))
+        for one, k in placed
+        for bogie in range(one.brake_groups)
+    ]
+    brakes = BRAKE.rows(len(groups))
+    for g, (one, bogie, inside) in enumerate(groups):
+        row, brake = brakes[g], one.air_brake
+        put(row, brake)
+        row.unit, row.axles = axles.unit[inside].max(), inside.size
+        row.most_pressure, row.gain = brake.maximum_pressure, brake.force_per_pascal
+        row.friction_numerator, row.friction_offset, row.friction_constant = brake.friction
         works = brake.friction_factor * (bogie not in brake.cut_out)
-        axles.shoe_gain[inside] = brake.force_per_pascal * works
-        rows.append(
-            BRAKE.rows(
-                1,
-                unit=axles.unit[inside].max(),
-                axles=inside.sum(),
-                fill_time=brake.fill_time,
-                release_time=brake.release_time,
-                dead_time=brake.dead_time,
-                most_pressure=brake.maximum_pressure,
-                friction_numerator=numerator,
-                friction_offset=offset,
-                friction_constant=constant,
-                gain=brake.force_per_pascal,
-            )
-        )
-    return rows
-
-
-# The belief
-
-
-def _plans(
-    axles: Rows, load: Floats, mass: float, inertia_in_limit: bool, blended: int
-) -> dict[str, float]:
-    """Coefficients that each m/s2 of a train of `mass` [kg] needs of axles that pull and that brake; `load` (axles,) [N].
-
-    The rail carries what accelerates the train and turns the wheelsets that do not act. What turns those that do comes from
-    their own motors or shoes, on top of a limit.
-    """
-    turning, driven = axles.inertia / axles.radius**2, axles.unit >= 0
-    braked = driven | (axles.brake >= 0) if blended else driven
-    found = {}
-    for name, acting in (("planned", driven), ("brake_planned", braked)):
-        resisting = turning[~acting] if inertia_in_limit else turning
-        found[name] = (mass + resisting.sum()) / load[acting].sum() if acting.any() else 0.0
-    return found
-
-
-def _believe(
-    train: Train, axles: Rows, cars: Rows, units: Rows, brakes: Rows,
-    loads: Sequence[float] | None, radius_errors: ArrayLike, inertia_in_limit: bool, blended: bool,
-) -> dict[str, Any]:  # fmt: skip
-    """Write what the computers believe into the rows; what they believe of the whole train."""
-    empty, pay = np.array([(car.empty_mass, car.load) for car in train.cars]).T
-    mass = empty + np.maximum(pay if loads is None else loads, 0.0)
-    load = axles.static_load * (mass / cars.mass)[axles.car]
-    axles.believed_radius = axles.radius * (1.0 + np.asarray(radius_errors))
-    blends = int(brakes.size > 0 and (blended or units.size == 0))
-    plans = _plans(axles, load, mass.sum(), inertia_in_limit, blends)
-    turning = GRAVITY * axles.inertia / axles.radius**2 * inertia_in_limit
-    for rows, member in ((units, axles.unit), (brakes, axles.brake)):
-        for k in range(rows.size):
-            inside, row = member == k, rows[k]
-            row.load = load[inside].mean()
-            own = turning[inside].mean() / (GRAVITY * row.load)
-            if rows is brakes:
-                row.turning = own / plans["brake_planned"]
-                continue
-            row.turning, row.brake_turning = own / plans["planned"], own / plans["brake_planned"]
-            row.radius, row.inertia = (
-                axles.believed_radius[inside].mean(),
-                axles.inertia[inside].mean(),
-            )
-    if units.size:
-        weight = units.load * units.axles
-        units.mass = weight / weight.mean()
-    resistance = dict(
-        zip(
-            ("resistance", "resistance_linear", "resistance_quadratic"),
-            train.resistance,
-            strict=True,
-        )
-    )
-    return plans | resistance | {"blended": blends, "train_mass": mass.sum()}
+        axles.brake[inside], axles.shoe_gain[inside] = g, brake.force_per_pascal * works
+    return axles, cars, units, brakes, *limits

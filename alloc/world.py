@@ -2,10 +2,8 @@
 
 from typing import Any, NamedTuple
 
-from numba import float64, int64, types
 from numpy.typing import NDArray
 
-from alloc.columns import AXLE, BRAKE, CAR, LINE, ONBOARD, PATCH, PLANT, RUN, SLIDE, UNIT
 from alloc.tables import Rows
 
 
@@ -33,8 +31,8 @@ class World(NamedTuple):
     """Largest pulling torque of each motor [N m] every km/h, (units, speeds)."""
     retard: NDArray[Any]
     """Largest braking torque of each motor [N m] every km/h, (units, speeds)."""
-    own_curve: NDArray[Any]
-    """Table of an adhesion curve of one's own, see `alloc.curves`."""
+    curve: NDArray[Any]
+    """What the law of the adhesion curve takes, see `alloc.curves`."""
     scatter: NDArray[Any]
     """Ring of knots [1]."""
     rail: NDArray[Any]
@@ -49,21 +47,5 @@ class World(NamedTuple):
     """Tick of the newest report of each unit that has arrived at the leader, (ticks, units)."""
     told: NDArray[Any]
     """Tick of the newest order that has arrived at each unit, (ticks, units)."""
-    first: NDArray[Any]
-    """Foremost axle of each unit, (units,)."""
-    last: NDArray[Any]
-    """Hindmost axle of each unit and one, (units,)."""
     memory: NDArray[Any]
     """Of the controller, (units, numbers)."""
-
-
-NUMBERS, MATRIX, TICKS = float64[::1], float64[:, ::1], int64[:, ::1]
-WORLD = types.NamedTuple(
-    (
-        NUMBERS, MATRIX, AXLE.type, CAR.type, UNIT.type, BRAKE.type, PATCH.type, LINE.type, PLANT.type, ONBOARD.type,
-        SLIDE.type, RUN.type, MATRIX, MATRIX, NUMBERS, NUMBERS, NUMBERS, NUMBERS, MATRIX, int64[::1], TICKS, TICKS,
-        int64[::1], int64[::1], MATRIX,
-    ),
-    World,
-)  # fmt: skip
-"""Numba's type of a `World`."""

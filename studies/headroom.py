@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from alloc.metrics import train_bounds
+from alloc.metrics import Run
 from alloc.train_rows import rows_of
 from studies import events as e
 from studies.claims import CONTROLLERS, table_of
@@ -129,7 +129,7 @@ def _sides(d: e.Drawn, length: float) -> list[e.Keys]:
 
 def measure(found: xr.Dataset) -> Row:
     """plan_use: effort, instant by instant the plan at most, over the plan; the metric headroom has the same scale."""
-    bound = train_bounds(found)
+    bound = Run(found).bounds
     return {"plan_use": float(np.minimum(bound.force, bound.plan).sum() / bound.plan.sum())}
 
 

@@ -13,8 +13,7 @@ from alloc.errors import InputError
 from alloc.event import DriverCommand, Event
 from alloc.onboard.settings import Dropout, Onboard, Sensors, Telegrams
 from alloc.rail import Line, Patch, Rail, logarithmic_increments
-from alloc.sets import find_set
-from alloc.world import WORLD
+from alloc.sets import SETS, find_set
 from tests.cases import looped
 
 SENSORS = Sensors(0.01, 0.002, 0.03, 0.01, 5, dropouts=(Dropout(6, 1.0, 2.0),))
@@ -32,12 +31,16 @@ def with_sensors(**changes):
 
 def test_equal_events_give_equal_worlds_and_each_run_has_its_own():
     first, again, other = EVENT.world(), EVENT.world(), replace(EVENT, name="made").world()
-    assert typeof(first) == WORLD
     for one, two, three in zip(first, again, other, strict=True):
         assert one.tobytes() == two.tobytes() == three.tobytes()
         assert not np.shares_memory(one, two)
     first.units.cap[:] = 0.0
     assert np.isinf(EVENT.world().units.cap).all()
+
+
+def test_worlds_of_all_trains_have_one_type_so_one_loop_serves_them():
+    others = [Event("plain", find_set(name), Rail(0.1), EVENT.command) for name in SETS]
+    assert {typeof(one.world()) for one in others} == {typeof(EVENT.world())}
 
 
 def test_another_seed_draws_what_is_drawn_and_nothing_else():

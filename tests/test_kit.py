@@ -55,6 +55,7 @@ def test_a_faulty_controller_is_told(function, law, said):
 class Faulty(PiecewiseCurve):
     """`change`(coefficients of the piecewise curve, slip); its top is said to be `apart` times as far as it is."""
 
+    values = PiecewiseCurve().values
     change: object = None
     apart: float = 1.0
 

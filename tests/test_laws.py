@@ -76,7 +76,7 @@ def test_a_curve_is_odd_rises_from_0_to_one_maximum_and_falls(kind):
         assert np.allclose(mu.max(1), most[:, 0], rtol=1e-3)
         steep = np.diff(mu) / np.diff(slip)
         assert steep.max() <= 1.01 * max(
-            steepest(curve.number, curve.values, curve.table, one) for one in peak[:, 0]
+            steepest(curve.number, curve.values, one) for one in peak[:, 0]
         )
 
 
@@ -90,9 +90,8 @@ def test_the_top_is_where_an_optimiser_finds_it(kind):
         assert most == pytest.approx(-sought.fun, rel=1e-5)
         assert curve(place, 0.2, speed, 1.3) == pytest.approx(most)
         assert curve(0.9 * place, 0.2, speed, 1.3) < most
-        assert top.py_func(
-            curve.number, curve.values, curve.table, speed, 0.2, 1.3
-        ) == pytest.approx((most, place))
+        found = top.py_func(curve.number, curve.values, speed, 0.2, 1.3)
+        assert found == pytest.approx((most, place))
 
 
 def test_the_piecewise_curve_is_that_of_the_paper():
@@ -152,7 +151,7 @@ def test_tops_of_a_record_are_the_tops_of_its_instants(kind):
         rng.uniform(0.0, 40.0, (4, 1)),
         rng.uniform(0.5, 2.0, 3),
     )
-    of = curve.number, curve.values, curve.table
+    of = curve.number, curve.values
     most, slip = tops(*of, speed, peak, contact)
     assert np.allclose(
         (most[2, 1], slip[2, 1]), top(*of, speed[2, 0], peak[2, 1], contact[1]), rtol=1e-12

@@ -7,7 +7,7 @@ import xarray as xr
 from alloc import metrics
 from alloc.curves import PiecewiseCurve
 from alloc.errors import UnsoundRun
-from alloc.metrics import METRICS, evaluate, jerk, metric, series, train_bounds
+from alloc.metrics import METRICS, Run, evaluate, jerk, metric, series
 from alloc.registry import Registry
 
 LOAD, MASS, ASKED = 1e5, 1e5, 0.8
@@ -58,7 +58,7 @@ def made(force, level=0.5, command=ASKED, period=0.01, unit=None, **changes):
              "car_acceleration": (("time", "car"), gain[:, None]),
              "coupler_force": (("time", "coupler"), np.zeros((t, 0)))}  # fmt: skip
     attrs = {"blended_brakes": 0, "target_speed": np.nan, "rule_failures": 0, "controller_failures": 0,
-             "curve": CURVE.number, "curve_values": CURVE.values, "own_curve": CURVE.table}  # fmt: skip
+             "curve": CURVE.number, "curve_values": CURVE.values}  # fmt: skip
     for name, value in changes.items():
         if name in attrs:
             attrs[name] = value
@@ -168,7 +168,7 @@ def test_half_of_the_plan_for_four_seconds_loses_two(command, name):
 def test_motors_and_not_the_rail_bound_a_unit_that_has_failed():
     limit = np.array([[1e9, 0.0]])
     run = made([[4e4, 0.0]] * 800, 0.6, drive_limit=limit)
-    found = train_bounds(run)
+    found = Run(run).bounds
     assert found.bound[-1] == pytest.approx(6e4)
     assert found.apart[-1] == pytest.approx(4e4)
     # its part of the plan is out of reach on any rail

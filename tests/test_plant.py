@@ -9,7 +9,7 @@ from alloc.columns import AXLE, BRAKE, CAR, LINE, PATCH, PLANT, RUN, UNIT
 from alloc.curves import CURVES
 from tests.cases import looped
 
-ROWS = ["y", "stages", "axles", "cars", "units", "brakes", "patches", "line", "effort", "retard", "own_curve", "scatter",
+ROWS = ["y", "stages", "axles", "cars", "units", "brakes", "patches", "line", "effort", "retard", "curve", "scatter",
         "rail", "plant", "asked"]  # fmt: skip
 FORMS = ("rigid", "one car", "two cars", "three cars")
 
@@ -59,16 +59,17 @@ class Train:
             g.uniform(1e3, 4e3, (cars, 120)),
         )
         curve = CURVES[kind]()
-        self.own_curve, self.scatter, self.rail = (
-            curve.table,
+        self.curve, self.scatter, self.rail = (
+            curve.values,
             0.01 * g.standard_normal(50),
             np.zeros(4096),
         )
         given = {
-            "body_mass": mass.sum() if rigid else 0.0, "pitches": 1, "law_offset": 30.0, "scatter_length": 7.0,
-            "conditioning": 0.2, "line_origin": 40.0, "line_spacing": 10.0, "receptivity": 0.7, "receptivity_swing": 0.2,
+            "body_mass": mass.sum() if rigid else 0.0, "pitches": 1, "parallel": 1, "law_offset": 30.0,
+            "scatter_length": 7.0, "conditioning": 0.2, "line_origin": 40.0, "line_spacing": 10.0,
+            "receptivity_mean": 0.7, "receptivity_amplitude": 0.2,
         }  # fmt: skip
-        made = given | {"curve": curve.number, "curve_values": curve.values} | of_plant
+        made = given | {"curve_number": curve.number} | of_plant
         self.plant = PLANT.rows(1, **made)[0]
         self.bodies, self.asked = (1 if rigid else cars), BRAKE.record(400, m)
         self.asked.pressure_target = 2e5
@@ -137,11 +138,11 @@ def independent(t, y, w):
         + a.increment
     )
     offered = np.maximum(offered * (1 + p.conditioning * a.cleaned), 1e-3)
-    if p.recovered:
+    if p.recovered_coefficient:
         offered = offered + (a.recovery + a.cleaned - a.recovery * a.cleaned) * np.maximum(
-            p.recovered - offered, 0.0
+            p.recovered_coefficient - offered, 0.0
         )
-    curve = next(one() for one in CURVES.values() if one.number == p.curve)
+    curve = next(one() for one in CURVES.values() if one.number == p.curve_number)
     mu = curve(a.radius * omega - speed, offered, speed, a.contact)
     pull = np.bincount(a.car, mu * a.static_load)
     if p.pitches:
@@ -183,7 +184,9 @@ def independent(t, y, w):
     drive, brake = (np.array([np.interp(k, np.arange(120), one) for k, one in zip(kmh, table, strict=True)])
                     for table in (w.effort, w.retard))  # fmt: skip
     brake = brake * np.clip(
-        p.receptivity + p.receptivity_swing * np.sin(2 * np.pi * t / p.receptivity_period), 0, 1
+        p.receptivity_mean + p.receptivity_amplitude * np.sin(2 * np.pi * t / p.receptivity_period),
+        0,
+        1,
     )
     rate = (alive * np.clip(u.applied, -brake, drive) - torque) / u.lag
     s = w.brakes
@@ -208,7 +211,7 @@ def test_right_side_is_that_of_an_independent_plant(form):
         w = Train(
             form,
             kind,
-            recovered=0.15 if kind == "rational" else 0.0,
+            recovered_coefficient=0.15 if kind == "rational" else 0.0,
             pitches=int(kind != "slip-ratio"),
         )
         w.units.failure[-1] = 1.0
@@ -257,7 +260,9 @@ def test_solution_is_that_of_scipy(form):
 
 @looped("form", FORMS)
 def test_driving_is_braking_in_a_mirror(form):
-    w = Train(form, receptivity=1.0, receptivity_swing=0.0, conditioning=0.0, scatter_length=0.0)
+    w = Train(
+        form, receptivity_mean=1.0, receptivity_amplitude=0.0, conditioning=0.0, scatter_length=0.0
+    )
     w.retard, w.line, w.patches = w.effort, LINE.rows(1), w.patches[1:]
     y, b = w.state(10.0), w.bodies
     forward, flip = w.slope(y), np.ones(y.size)
@@ -269,7 +274,7 @@ def test_driving_is_braking_in_a_mirror(form):
 
 def wheels_after(step, period=0.02, seconds=0.02):
     """Angular speeds beyond the peak of a rail whose adhesion changes in time, smoothly."""
-    w = Train("rigid", scatter_length=0.0, conditioning=0.0, pitches=0, receptivity_swing=0.0)
+    w = Train("rigid", scatter_length=0.0, conditioning=0.0, pitches=0, receptivity_amplitude=0.0)
     w.patches = PATCH.rows(1, factor=3.0, begin=0.02, fade=0.1)
     w.axles.static_load, w.axles.inertia, w.brakes.dead_time, w.units.slip_torque = (
         2e4,
@@ -304,7 +309,7 @@ def test_neither_half_the_step_nor_the_period_matters():
 def test_the_stable_step_is_stable_and_divides_the_period(kind):
     w = Train("three cars", kind)
     step = plant.stable_step(
-        w.axles, w.cars, w.units, w.brakes, w.patches, w.own_curve, w.scatter, w.plant
+        w.axles, w.cars, w.units, w.brakes, w.patches, w.curve, w.scatter, w.plant
     )
     assert step <= 0.002
     assert (w.plant.period / step) == pytest.approx(round(w.plant.period / step))
@@ -346,7 +351,10 @@ def test_cylinders_respond_after_their_dead_time_as_asked():
 def test_wheels_that_slip_clean_the_rail_for_those_behind():
     for recovered in (0.0, 0.3):
         w = Train(
-            "rigid", conditioning=0.0 if recovered else 0.3, recovered=recovered, scatter_length=0.0
+            "rigid",
+            conditioning=0.0 if recovered else 0.3,
+            recovered_coefficient=recovered,
+            scatter_length=0.0,
         )
         w.patches, w.axles.cleaned, w.axles.recovery, w.asked.pressure_target = (
             w.patches[:0],
@@ -402,7 +410,7 @@ def test_the_oracle_knows_what_the_next_steps_carry():
         (40.0, 0.1 * plant.USED),
     ):  # at 40 m/s the front is on the patch within 0.15 s
         w.y[0], w.y[1], w.y[2:14] = 100.0, speed, speed / w.axles.radius
-        plant.true_limits(0.0, w.y, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.own_curve,
+        plant.true_limits(0.0, w.y, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.curve,
                           w.scatter, w.plant, run)  # fmt: skip
         assert w.units.truth[0] == pytest.approx(truth)
         assert w.units.truth[2] == pytest.approx(0.2 * plant.USED)
@@ -412,7 +420,10 @@ def test_the_oracle_knows_what_the_next_steps_carry():
 def test_compiled_and_plain_python_agree(form):
     helpers = {name: one for name, one in vars(plant).items() if hasattr(one, "py_func")}
     for kind, recovered in (("piecewise", 0.0), ("polach-wet", 0.2)):
-        w, plain = Train(form, kind, recovered=recovered), Train(form, kind, recovered=recovered)
+        w, plain = (
+            Train(form, kind, recovered_coefficient=recovered),
+            Train(form, kind, recovered_coefficient=recovered),
+        )
         w.y[:] = plain.y[:] = w.state(8.0)
         w.run(0.02)
         with pytest.MonkeyPatch.context() as patch:

@@ -13,7 +13,7 @@ from alloc.laws import GRAVITY
 from alloc.onboard.settings import Dropout, Onboard, Sensors
 from alloc.rail import Line, Patch, Rail
 from alloc.records import Record, meanings
-from alloc.sets import SETS, find_set
+from alloc.sets import SETS, _motors, find_set
 from alloc.train import AirBrake, Car, Coupler, Motors, TorqueLimit, Train
 from alloc.train_rows import level_for, offered_by, rows_of, train_rows
 from tests.cases import looped
@@ -135,10 +135,10 @@ def test_torque_limits_follow_torque_power_pull_out_and_fading():
         by_power = 150e3 / (gear * speed / radius)
         hand = min(900.0, by_power) * min(1.0, 20.0 / speed) * min(1.0, speed / 2.0)
         assert value == pytest.approx(hand)
-    table = TorqueLimit.of_effort([0.0, 50.0, 100.0], [1e4, 8e3, 4e3], radius, gear, 4)
-    assert table.tabulate(radius, gear)[[0, 25, 75, 400]] * 4 * gear / radius == pytest.approx(
-        [1e4, 9e3, 6e3, 4e3]
-    )
+    keys = {"inverter_group": "1C4M", "gear_ratio": gear, "fade_speed_kmh": 0.0,
+            "effort_speed_kmh": [0.0, 50.0, 100.0], "effort_kn": [10.0, 8.0, 4.0]}  # fmt: skip
+    table = _motors(keys, radius, 4, 1e4).drive.tabulate(radius, gear)
+    assert table[[0, 25, 75, 400]] * 4 * gear / radius == pytest.approx([1e4, 9e3, 6e3, 4e3])
 
 
 def test_what_the_computers_cannot_know_is_in_other_columns():

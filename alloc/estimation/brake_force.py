@@ -1,6 +1,6 @@
 """Brake force of each car from coupler forces and accelerations: RTRI report (2) to (9), and smoothed over the stop.
 
-In: series of coupler forces and accelerations, (instants, cars). Out: forces [N] with their uncertainty.
+In: series of coupler forces and accelerations, (instants, cars). Out: forces [N], and what constant errors make of them.
 
 Couplers serve as force sensors. Cars count from the front; coupler k joins cars k and k + 1. Its force is positive in
 tension, accelerations are positive forwards (negative while braking), brake forces positive against the motion.
@@ -11,7 +11,6 @@ locomotive's. The report does not say which one it means.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -47,10 +46,9 @@ def group_brake_force(
     """
     a = finite_series("acceleration", acceleration, (None,))
     force = -positive_series("mass", mass, ()) * a
-    if front is not None:
-        force = force + finite_series("front", front, a.shape)
-    if rear is not None:
-        force = force - finite_series("rear", rear, a.shape)
+    for sign, name, given in ((1.0, "front", front), (-1.0, "rear", rear)):
+        if given is not None:
+            force = force + sign * finite_series(name, given, a.shape)
     return np.asarray(force - finite_series("resistance", resistance, (), a.shape))
 
 
@@ -103,33 +101,29 @@ class BrakeRigging(NamedTuple):
 
 BUILT_UP = 0.632
 """Share of the steady cylinder pressure from which the report averages: dead time and one time constant have passed."""
+STANDSTILL = 0.5
+"""Speed [m/s] from which on the train counts as stopped."""
 
 
-def braking_window(
-    pressure: ArrayLike, speed: ArrayLike, steady: float | None = None, standstill: float = 0.5
-) -> slice:
+def braking_window(pressure: ArrayLike, speed: ArrayLike) -> slice:
     """Samples from 63.2 % of the steady cylinder pressure to standstill, the report's window.
 
-    `pressure` (time,) [Pa] of one cylinder, `speed` (time,) [m/s]. `steady` [Pa]: its final value; None: the median of the
-    last quarter before standstill. `standstill` [m/s]: speed below which the train counts as stopped. Raises
-    `EstimationError` where there is no window.
+    `pressure` (time,) [Pa] of one cylinder, steady at the median of the last quarter before standstill; `speed` (time,)
+    [m/s]. Raises `EstimationError` where there is no window.
     """
     p = finite_series("pressure", pressure, (None,))
     v = finite_series("speed", speed, p.shape)
-    slow = np.flatnonzero(v <= standstill)
+    slow = np.flatnonzero(v <= STANDSTILL)
     if not slow.size:
-        raise EstimationError(
-            f"averaging: the speed stays above {standstill:g} m/s; pass a `standstill` above {v.min():.3g}"
-        )
+        raise EstimationError(f"averaging: the speed stays above {STANDSTILL:g} m/s")
     end = int(slow[0])
     if end == 0:
         raise EstimationError("averaging: the train stands at the first sample already")
-    final = float(np.median(p[(3 * end) // 4 : end])) if steady is None else steady
+    final = float(np.median(p[(3 * end) // 4 : end]))
     built = np.flatnonzero(p[:end] >= BUILT_UP * final)
     if not (math.isfinite(final) and final > 0.0 and built.size):
-        raise EstimationError(
-            f"averaging: the pressure does not reach {BUILT_UP:.1%} of {final:g} Pa; is the train braked?"
-        )
+        told = f"{BUILT_UP:.1%} of {final:g} Pa; is the train braked?"
+        raise EstimationError(f"averaging: the pressure does not reach {told}")
     return slice(int(built[0]), end)
 
 
@@ -137,9 +131,8 @@ def braking_window(
 # every instant whatever the couplers do: their forces are measured, so no model of them is needed. Neighbours share the
 # noise of the coupler between them; in coordinates in which that noise and the walk are both diagonal this is one scalar
 # series per coordinate. The rate of each force is a random walk: a cylinder builds the force up, then friction changes with
-# the speed. (With a force that is a walk itself the stated variance was twice that of the errors.) All samples together are
-# a Gaussian with a banded precision, (noise)^-1 + D' D / q with second differences D. Its Cholesky factor gives forces and
-# likelihood, the recursion of Takahashi (Erisman and Tinney 1975, Comm. ACM 18) the variances.
+# the speed. All samples together are a Gaussian with a banded precision, (noise)^-1 + D' D / q with second differences D.
+# Its Cholesky factor gives forces and likelihood.
 
 WALKS = (1e-3, 1e3)
 """Range [m/s3 per root second] of the walk: from rates that hardly change to a full brake within a sample."""
@@ -149,30 +142,15 @@ BAND = 2
 """Samples on either side to which a second difference ties a sample."""
 
 
-@dataclass(frozen=True, eq=False)
-class SmoothedForces:
+class SmoothedForces(NamedTuple):
     """Brake forces after all measurements."""
 
     force: Floats
     """[N], (time, cars)."""
-    basis: Floats
-    """(cars, cars): force = basis @ coordinates; the coordinates' errors are independent."""
-    variance: Floats
-    """Posterior variance of the coordinates, (time, cars)."""
     walk: float
     """Change of the rate of force over mass in a second, as deviation [m/s3 per root second], as given or as estimated."""
     log_likelihood: float
     """Log likelihood of the second differences of the measurements: a straight line has no prior."""
-
-    @property
-    def deviation(self) -> Floats:
-        """Posterior standard deviation of each force [N], (time, cars); add constant errors of the sensors."""
-        return np.asarray(np.sqrt(self.variance @ (self.basis**2).T))
-
-    def total(self, cars: slice) -> tuple[Floats, Floats]:
-        """Sum of these cars' forces [N] and its posterior deviation, two (time,)."""
-        part = self.basis[cars].sum(axis=0)
-        return self.force[:, cars].sum(axis=1), np.sqrt(self.variance @ part**2)
 
 
 def smooth_brake_forces(
@@ -197,32 +175,30 @@ def smooth_brake_forces(
     measured = car_brake_forces(own, coupler_force, m, resistance)
     difference = np.eye(m.size, m.size - 1, -1) - np.eye(m.size, m.size - 1)
     noise = acceleration_noise**2 * np.diag(m**2) + coupler_noise**2 * difference @ difference.T
-    if own.shape[0] <= BAND:
-        raise EstimationError(
-            f"smoother: {len(own)} samples have no second difference; give 3 or more"
-        )
+    if len(own) <= BAND:
+        told = f"{len(own)} samples have no second difference; give 3 or more"
+        raise EstimationError(f"smoother: {told}")
     # the walk's covariance is diag(m^2) times a number: in force over mass it is the identity
     variance, vectors = np.linalg.eigh(noise / np.outer(m, m))
     y = (measured / m) @ vectors
     least = math.sqrt(SLOWEST * float(variance.min()) / period**3)
     if walk is None:
-        found = minimize_scalar(
-            lambda logarithm: -_solved(y, variance, math.exp(2.0 * logarithm) * period**3)[1],
-            bounds=(math.log(max(WALKS[0], least)), math.log(max(WALKS[1], 10.0 * least))),
-            options={"xatol": 0.02},
-        )  # fmt: skip
+        between = math.log(max(WALKS[0], least)), math.log(max(WALKS[1], 10.0 * least))
+
+        def unlikely(logarithm: float) -> float:
+            return -_solved(y, variance, math.exp(2.0 * logarithm) * period**3)[1]
+
+        found = minimize_scalar(unlikely, bounds=between, options={"xatol": 0.02})
         walk = math.exp(float(found.x))
     elif walk < least:
-        raise EstimationError(
-            f"smoother: walk = {walk:g} is too slow for rounding; give {least:.1g} or more"
-        )
-    mean, likelihood, factor = _solved(y, variance, walk**2 * period**3)
-    basis = m[:, None] * vectors
-    return SmoothedForces(mean @ basis.T, basis, _inverse_diagonal(factor), walk, likelihood)
+        told = f"walk = {walk:g} is too slow for rounding; give {least:.1g} or more"
+        raise EstimationError(f"smoother: {told}")
+    mean, likelihood = _solved(y, variance, walk**2 * period**3)
+    return SmoothedForces(mean @ (m[:, None] * vectors).T, walk, likelihood)
 
 
-def _solved(y: Floats, noise: Floats, bend: float) -> tuple[Floats, float, Floats]:
-    """Most likely series (time, cars), log-likelihood, and Cholesky factors (bands, time, cars), lower.
+def _solved(y: Floats, noise: Floats, bend: float) -> tuple[Floats, float]:
+    """Most likely series (time, cars), and log-likelihood.
 
     `noise` (cars,): variance of a sample; `bend`: variance of a second difference.
     """
@@ -231,7 +207,7 @@ def _solved(y: Floats, noise: Floats, bend: float) -> tuple[Floats, float, Float
     for k, one in enumerate((1.0, -2.0, 1.0)):
         for j, other in enumerate((1.0, -2.0, 1.0)[k:]):
             precision[j, k : samples - BAND + k] += one * other / bend
-    x, factors, likelihood = np.empty_like(y), np.empty((BAND + 1, *y.shape)), 0.0
+    x, likelihood = np.empty_like(y), 0.0
     for k, own in enumerate(noise):
         precision[0] += 1.0 / own
         factor = cholesky_banded(precision, lower=True, check_finite=False)
@@ -240,21 +216,7 @@ def _solved(y: Floats, noise: Floats, bend: float) -> tuple[Floats, float, Float
         misfit = float(y[:, k] @ (y[:, k] - x[:, k])) / own
         determinant = 2.0 * float(np.log(factor[0]).sum()) + samples * math.log(own)
         likelihood -= 0.5 * (misfit + determinant + (samples - BAND) * math.log(2.0 * np.pi * bend))
-        factors[:, :, k] = factor
-    return x, likelihood, factors
-
-
-def _inverse_diagonal(factors: Floats) -> Floats:
-    """Diagonal (time, cars) of the inverses of L L' from banded L (bands, time, cars), from the last sample back."""
-    samples = factors.shape[1]
-    size = 1.0 / factors[0] ** 2
-    one, two = factors[1] / factors[0], factors[2] / factors[0]
-    diagonal, beside = np.zeros((2, samples + BAND, factors.shape[2]))
-    for k in reversed(range(samples)):
-        far = -one[k] * beside[k + 1] - two[k] * diagonal[k + 2]
-        beside[k] = -one[k] * diagonal[k + 1] - two[k] * beside[k + 1]
-        diagonal[k] = size[k] - one[k] * beside[k] - two[k] * far
-    return diagonal[:samples]
+    return x, likelihood
 
 
 class CalibrationErrors(NamedTuple):

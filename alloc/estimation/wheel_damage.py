@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import EstimationError
-from alloc.estimation.series import finite_series, mean_rate, positive_series
+from alloc.estimation.series import finite_series, positive_series
 
 Floats = NDArray[np.float64]
 
@@ -26,9 +26,8 @@ def _checked(
     """The arguments that both functions have, as arrays that fit together; raises `EstimationError`."""
     time = finite_series("time", time, (None,))
     if time.size < 2 or not np.all(np.diff(time) > 0.0):
-        raise EstimationError(
-            "time must grow from instant to instant and have two instants or more"
-        )
+        told = "grow from instant to instant and have two instants or more"
+        raise EstimationError(f"time must {told}")
     applied = finite_series("applied_force", applied, (time.size, None))
     omega = finite_series("angular_speed", omega, applied.shape)
     inertia = positive_series("inertia", inertia, (), applied.shape[1:])
@@ -63,7 +62,10 @@ def tangential_force(
     given = np.zeros_like(applied)
     np.cumsum(0.5 * (applied[1:] + applied[:-1]) * step, axis=0, out=given[1:])
     impulse = given - inertia / radius * omega
-    return np.stack([mean_rate(time, column, window) for column in impulse.T], axis=1)
+    begin = np.maximum(time - 0.5 * window, time[0])
+    end = np.minimum(time + 0.5 * window, time[-1])
+    gained = [np.interp(end, time, one) - np.interp(begin, time, one) for one in impulse.T]
+    return np.stack(gained, axis=1) / (end - begin)[:, None]
 
 
 def wheel_damage(

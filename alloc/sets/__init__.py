@@ -4,10 +4,10 @@ A user's own train has the same keys, so a shipped file is a template; `studies.
 means. `[sources]` says where values come from; "assumed" marks one without a source, with the reason why it is plausible.
 """
 
+import math
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -41,29 +41,14 @@ def find_set(name: str) -> Train:
     return SETS.find(name)()
 
 
-@dataclass(frozen=True)
-class TrainFile:
-    """Builds the train of a shipped file."""
-
-    path: Path
-
-    @property
-    def description(self) -> str:
-        """First line of the file."""
-        return self.path.read_text("utf-8").partition("\n")[0].lstrip("# ")
-
-    @cached_property
-    def train(self) -> Train:
-        """The train, made once: a study asks for the same one with every event."""
-        return train_of(tomllib.loads(self.path.read_text("utf-8")))
-
-    def __call__(self) -> Train:
-        """The train."""
-        return self.train
+@cache
+def _shipped(name: str) -> Train:
+    """Made once: a study asks for the same train with every event."""
+    return train_of(tomllib.loads(Path(__file__).with_name(f"{name}.toml").read_text("utf-8")))
 
 
 for _name in NAMES:
-    SETS.register(_name, TrainFile(Path(__file__).with_name(f"{_name}.toml")))
+    SETS.register(_name, partial(_shipped, _name))
 
 
 def train_of(keys: Mapping[str, Any]) -> Train:
@@ -87,22 +72,15 @@ def train_of(keys: Mapping[str, Any]) -> Train:
 def _car(name: str, keys: Mapping[str, Any], distance: float) -> Car:
     """A car of this kind, `distance` [m] behind the train's head; without `driven` its motors drive every axle."""
     given = si(keys)
-    axles = len(given["axle_positions"])
-    motors, brake = keys.get("motors"), keys.get("air_brake")
-    driven = given.pop("driven", None) or (motors is not None,) * axles
-    mass, inertia, radius = given.pop("mass"), given.pop("wheel_inertia"), given["wheel_radius"]
-    return Car(
-        name=name,
-        empty_mass=mass,
-        wheel_inertia=(inertia,) * axles,
-        driven=driven,
-        # `Car` refuses one without axles
-        motors=None
-        if motors is None
-        else _motors(motors, radius, sum(driven), mass / max(axles, 1)),
-        air_brake=None if brake is None else _air_brake(brake, distance),
-        **given,
-    )
+    axles, mass = len(given["axle_positions"]), given.pop("mass")
+    inertia = (given.pop("wheel_inertia"),) * axles
+    driven = given["driven"] = given.get("driven") or ("motors" in keys,) * axles
+    if "motors" in keys:  # `Car` refuses one without axles
+        on_axle = mass / max(axles, 1)
+        given["motors"] = _motors(keys["motors"], given["wheel_radius"], sum(driven), on_axle)
+    if "air_brake" in keys:
+        given["air_brake"] = _air_brake(keys["air_brake"], distance)
+    return Car(name=name, empty_mass=mass, wheel_inertia=inertia, **given)
 
 
 def _motors(keys: Mapping[str, Any], radius: float, count: int, axle_mass: float) -> Motors:
@@ -111,9 +89,10 @@ def _motors(keys: Mapping[str, Any], radius: float, count: int, axle_mass: float
     torque, power = given.get("torque", 0.0), given.get("power", 0.0)
     retard = given.get("brake_torque", torque), given.get("brake_power", power)
     brake = TorqueLimit(*retard, fade_speed=given["fade_speed"])
-    if keys.get("effort_speed_kmh"):
-        table = keys["effort_speed_kmh"], given["effort"]
-        drive = TorqueLimit.of_effort(*table, radius, gear_ratio, max(count, 1))
+    if speeds := keys.get("effort_speed_kmh"):  # of the car at its rims, linear between them
+        kmh = np.arange(min(EFFORT_TABLE_LENGTH, math.ceil(speeds[-1]) + 1))
+        each = radius / (gear_ratio * max(count, 1)) * np.interp(kmh, speeds, given["effort"])
+        drive = TorqueLimit(float(each[0]), 0.0, table=tuple(each.tolist()))
     else:
         drive = TorqueLimit(torque, power, given.get("pull_out_speed", np.inf))
     if "planned_adhesion" in keys:

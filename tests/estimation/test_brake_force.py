@@ -95,8 +95,6 @@ def test_the_window_runs_from_one_time_constant_to_standstill():
     window = braking_window(PRESSURE, SPEED)
     assert TIME[window.start] == pytest.approx(1.0 + 1.5, abs=0.02)
     assert SPEED[window.stop] <= 0.5 < SPEED[window.stop - 1]
-    assert braking_window(PRESSURE, SPEED, steady=300e3).start < window.start
-    assert braking_window(PRESSURE, SPEED, standstill=5.0).stop < window.stop
 
 
 MASS = np.array([96e3, 59e3, 62e3, 55e3, 59e3])
@@ -124,7 +122,7 @@ def smoothed(a, couplers, walk=WALK):
 
 
 def dense_smoother(a, couplers):
-    """All forces at once by weighted least squares, (time, cars) and covariance: what the recursion must give."""
+    """All forces at once by weighted least squares, (time, cars): what the smoother must give."""
     y = car_brake_forces(a, couplers, MASS)
     n, samples = MASS.size, y.shape[0]
     d = np.eye(n, n - 1, -1) - np.eye(n, n - 1)
@@ -134,49 +132,20 @@ def dense_smoother(a, couplers):
     information = np.kron(np.eye(samples), np.linalg.inv(noise)) + np.kron(
         change.T @ change, np.linalg.inv(step)
     )
-    covariance = np.linalg.inv(information)
-    mean = covariance @ np.kron(np.eye(samples), np.linalg.inv(noise)) @ y.ravel()
-    return mean.reshape(y.shape), covariance
+    weighted = np.kron(np.eye(samples), np.linalg.inv(noise)) @ y.ravel()
+    return np.linalg.solve(information, weighted).reshape(y.shape)
 
 
-def test_the_recursion_is_the_least_squares_solution():
+def test_smoothed_forces_are_the_least_squares_solution():
     _, a, couplers = wandering(0, 30)
-    found = smoothed(a, couplers)
-    mean, covariance = dense_smoother(a, couplers)
-    np.testing.assert_allclose(found.force, mean, rtol=1e-7)
-    np.testing.assert_allclose(found.deviation.ravel(), np.sqrt(np.diag(covariance)), rtol=1e-8)
-    wagons = np.kron(np.eye(30), np.array([0.0, 1.0, 1.0, 1.0, 1.0]))
-    force, deviation = found.total(slice(1, None))
-    np.testing.assert_allclose(force, found.force[:, 1:].sum(axis=1))
-    np.testing.assert_allclose(
-        deviation, np.sqrt(np.diag(wagons @ covariance @ wagons.T)), rtol=1e-8
-    )
+    np.testing.assert_allclose(smoothed(a, couplers).force, dense_smoother(a, couplers), rtol=1e-7)
 
 
-def test_deviation_is_that_of_the_errors():
-    normalised = []
-    for seed in range(20):
-        force, a, couplers = wandering(seed)
-        found = smoothed(a, couplers)
-        normalised.append((found.force - force) / found.deviation)
-    assert np.mean(np.square(normalised)) == pytest.approx(1.0, abs=0.1)
-    assert np.mean(np.abs(normalised) < 1.96) == pytest.approx(0.95, abs=0.02)
-
-
-@pytest.mark.parametrize("build_up", [1.0, 3.0])
-def test_a_smooth_force_lies_within_the_intervals_as_often_as_they_say(build_up):
-    """A cylinder fills, friction rises: no walk at all. A force that is one made the stated variance twice the errors'."""
-    time = PERIOD * np.arange(600)[:, None]
-    force = MASS * (0.4 + 0.02 * time) * -np.expm1(-np.maximum(time - 2.0, 0.0) / build_up)
-    normalised, covered = [], []
-    for seed in range(12):
-        _, a, couplers = wandering(seed, 600, walk=0.0)
-        found = smoothed(a - (force - 0.6 * MASS) / MASS, couplers, walk=None)
-        error = (found.force - force)[150:]
-        normalised.append(np.mean(np.square(error / found.deviation[150:])))
-        covered.append(np.mean(np.abs(error) < 1.96 * found.deviation[150:]))
-    assert 0.65 < np.mean(normalised) < 1.15
-    assert 0.93 < np.mean(covered) < 0.985
+def test_smoothing_takes_most_of_the_noise_away():
+    force, a, couplers = wandering(3, 600)
+    errors = (smoothed(a, couplers).force - force, car_brake_forces(a, couplers, MASS) - force)
+    smooth, raw = (np.sqrt(np.mean(np.square(one / MASS))) for one in errors)
+    assert smooth < 0.4 * raw
 
 
 @pytest.mark.parametrize("true", [0.03, 0.1, 0.6])
