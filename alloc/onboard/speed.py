@@ -21,7 +21,7 @@ LEAST_SPEED = 1.4
 BOUND = 3.0
 """Deviations within which the unknown force is kept."""
 EASED, SHORTEST, LONGEST, PAUSE = 0.4, 0.12, 0.4, 0.3
-"""Share of its torque that an eased unit keeps; times for which it is eased at least and at most, and pause after that [s]."""
+"""Share of its torque that an eased unit keeps; least and greatest time for which it is eased, and pause after that [s]."""
 FEW = 5.0
 """Periods over which the creep of an eased wheel is the same."""
 

@@ -1,0 +1,149 @@
+"""A slip event as an environment of Gymnasium: the agent is the readhesion controller of some units of the train, or of all.
+
+A step is a control period of `alloc.simulation`, so plant, sensors, telegrams and rule are those of every other run. Needs
+the extra `gym`. Importing this module registers the environment as ``readhesion/train-v0``.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from alloc.onboard.controllers import CONTROLLERS
+from alloc.rules import RULES
+from alloc.simulation import Simulation
+from studies.core import StudyError
+from studies.scenario import Scenario, load
+
+Floats = NDArray[np.float64]
+TORQUES = ("motor_torque", "torque_target", "drive_limit", "brake_limit")
+OTHERS = ("coefficient_estimate", "slipping", "works")
+"""What a unit's row says beside speeds."""
+MOST = 150.0
+"""Bound of every observation: no train is as fast [m/s], and no coefficient as large."""
+PRICE = 1e-4
+"""Of a kilojoule of friction work, assumed: 100 kJ cost 1 % of the effort."""
+
+
+class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
+    """One slip event per episode, truncated where it ends; then `simulation.recorded()` is the run.
+
+    Action, (agent's units,): the share, 0 to 1, of its torque target that each unit commands. Observation, for each of them:
+    reference speed, slip of each axle [m/s] against it, `TORQUES` and the plan as coefficients, `OTHERS`. Reward of a
+    period: force along the demand at its start, within 0 and the true plan, over the plan's sum in the event, less `PRICE`
+    times friction work [kJ]. `info`: `time` [s], `event_seed`, and `others`, the shares that the controller `others` would
+    command.
+
+    `reset(seed=)` draws the event's seed, `options={"event_seed": k}` states it; 0 is the event as in its file. A copy, or
+    what comes out of a pickle, has played the episode again up to that instant.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own)
+
+    def __init__(
+        self,
+        scenario: str | Scenario = "wet-patch",
+        rule: str = "cooperative",
+        units: Sequence[int] | None = None,
+        others: str = "perturb-observe",
+    ) -> None:
+        """`units`: numbers of the agent's, 0 = foremost; all if None. `others`: controller of the rest.
+
+        Raises `StudyError` for a unit that the train does not have, `InputError` for an unknown controller or rule.
+        """
+        self.scenario = load(scenario) if isinstance(scenario, str) else scenario
+        world = self.scenario.event().world()
+        axles = world.units.last - world.units.first
+        self.units, self.rule, self.others = list(units or range(axles.size)), rule, others
+        if not set(self.units) <= set(range(axles.size)):
+            raise StudyError(f"units = {self.units} must be some of 0 to {axles.size - 1}")
+        CONTROLLERS.find(others)
+        if RULES.find(rule).belief.knows:
+            raise StudyError(f"under rule {rule!r} no readhesion controller acts")
+        size = sum(2 + int(axles[j]) + len(TORQUES) + len(OTHERS) for j in self.units)
+        self.observation_space = spaces.Box(-MOST, MOST, (size,), dtype=np.float64)
+        self.action_space = spaces.Box(0.0, 1.0, (len(self.units),), dtype=np.float64)
+        self._ended = True
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Start an event, and run to its first control instant."""
+        super().reset(seed=seed)
+        self._begin((options or {}).get("event_seed", int(self.np_random.integers(1, 2**31))))
+        return self._seen()
+
+    def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        """Command the torques, and run to the next control instant, or to the end of the event."""
+        shares = np.array(action, dtype=np.float64)
+        if self._ended or shares not in self.action_space:
+            raise StudyError(f"action = {action}: {len(self.units)} of 0 to 1, after a reset")
+        world = self.simulation.world
+        spent = world.axles.friction_work.sum()
+        self._go_on(shares)
+        work = 1e-3 * float(world.axles.friction_work.sum() - spent)
+        run, asked = world.run[0], self._plan[len(self._played) - 1]
+        recorded = self.simulation.record.axles.rail_force[self.simulation.tick - 1]
+        force = run.sign * float(recorded.sum())  # at the start of the period
+        effort = min(max(force, 0.0), abs(asked)) / (np.abs(self._plan).sum() or 1.0)
+        seen, info = self._seen()
+        return seen, float(effort - PRICE * work), False, self._ended, info
+
+    def _begin(self, event_seed: int) -> None:
+        event = self.scenario.event(event_seed)
+        self.simulation, self._event_seed = Simulation(event, self.rule, self.others), event_seed
+        world = self.simulation.world
+        self._plan = world.command * world.cars.mass.sum()
+        self._played: list[Floats] = []
+        self._ended = False
+        self._aim()
+
+    def _aim(self) -> None:
+        """Targets of the next instant, and what the controller `others` would command there."""
+        self.simulation.aim()
+        self.simulation.command()
+
+    def _go_on(self, shares: Floats) -> None:
+        """Command these shares, and run to the next control instant."""
+        self._played.append(shares)
+        for j, share in zip(self.units, shares.tolist(), strict=True):
+            row = self.simulation.world.units[j]
+            row.torque_command = share * row.torque_target
+        self.simulation.go()
+        self._ended = self.simulation.tick == self.simulation.ticks
+        if not self._ended:
+            self._aim()
+
+    def _seen(self) -> tuple[Floats, dict[str, Any]]:
+        """Observation and what is said beside it; at the end of the event with the readings of its last period."""
+        w, values, others = self.simulation.world, list[float](), list[float]()
+        run = w.run[0]
+        for j in self.units:
+            row = w.units[j]
+            axles = w.axles[row.first : row.last]
+            per = row.gear / (row.load * row.radius)
+            values += [run.reference_speed, *(run.sign * (axles.reading - run.reference_speed))]
+            values += [row[name] * per for name in TORQUES] + [run.plan]
+            values += [float(row[name]) for name in OTHERS]
+            others.append(row.torque_command / row.torque_target if row.torque_target else 1.0)
+        about = {"time": float(run.time), "event_seed": self._event_seed}
+        return np.clip(values, -MOST, MOST), about | {"others": np.array(others)}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: one for name, one in vars(self).items() if name != "simulation"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        if "_event_seed" in state:
+            played = state["_played"]
+            self._begin(self._event_seed)
+            for shares in played:
+                self._go_on(shares)
+
+
+gymnasium.register(
+    "readhesion/train-v0", entry_point=f"{__name__}:{ReadhesionEnvironment.__name__}"
+)

@@ -1,0 +1,73 @@
+"""The environment of Gymnasium: its interface, its copies, and that its episodes are the runs of this project."""
+
+import copy
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from alloc.errors import InputError
+from alloc.metrics import evaluate
+from alloc.simulation import simulate
+from studies.core import StudyError
+from studies.gymnasium_environment import PRICE, ReadhesionEnvironment
+from studies.scenario import load
+
+
+def short(name):
+    """The first seconds of a scenario, in which wheels slip."""
+    return load(name).changed(duration_s=8.0)
+
+
+def play(env, agent, info=None, steps=10_000):
+    """Observations and rewards until the event ends, or of so many steps; the agent gets what is said beside them."""
+    told, end = [], False
+    while not end and len(told) < steps:
+        seen, reward, _, end, info = env.step(np.clip(agent(info), 0.0, 1.0))
+        told.append((*seen, reward))
+    return np.array(told)
+
+
+@pytest.mark.parametrize("given", [{}, {"units": [1], "others": "none"}, {"scenario": "wet-stop"}])
+def test_gymnasium_accepts_it(given):
+    check_env(gymnasium.make("readhesion/train-v0", **given).unwrapped)
+
+
+@pytest.mark.parametrize("name", ["wet-start", "wet-stop"])
+def test_an_agent_that_does_as_a_controller_makes_its_run_and_is_paid_for_it(name):
+    env = ReadhesionEnvironment(short(name), others="perturb-observe")
+    _, info = env.reset(options={"event_seed": 2})
+    total = play(env, lambda info: info["others"], info)[:, -1].sum()
+    run = env.simulation.recorded()
+    own = simulate(env.scenario.event(2), "cooperative", "perturb-observe")
+    for variable in ("speed", "rim_speed", "torque_command", "rail_force"):
+        np.testing.assert_allclose(run[variable], own[variable], rtol=1e-9, atol=1e-9)
+    plan = np.abs(run["driver_command"].values) * run.attrs["train_mass"]
+    force = np.sign(run["driver_command"].values) * run["rail_force"].values.sum(axis=1)
+    share = np.clip(force, 0.0, plan).sum() / plan.sum()
+    assert total == pytest.approx(
+        share - PRICE * evaluate(run)["damage"], abs=1e-4
+    )  # the record lacks the last period
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_goes_on_as_the_original_does(again):
+    env = ReadhesionEnvironment(short("wet-start"), units=[2])
+    assert again(env).reset(seed=4)[1]["event_seed"] == env.reset(seed=4)[1]["event_seed"]
+    play(env, lambda _: [0.9], steps=300)
+    other = again(env)
+    np.testing.assert_array_equal(play(other, lambda _: [0.8]), play(env, lambda _: [0.8]))
+    assert other.reset()[1]["event_seed"] == env.reset()[1]["event_seed"]
+
+
+def test_what_cannot_be_is_said():
+    for given in ({"units": [8]}, {"others": "mcp"}, {"rule": "oracle"}):
+        with pytest.raises(InputError, match=str(*given.values()).strip("[]")):
+            ReadhesionEnvironment(**given)
+    env = ReadhesionEnvironment(short("wet-start"), units=[0])
+    for actions in ([0.5], [np.nan], [1.1], [0.0, 0.0]):
+        with pytest.raises(StudyError, match="1 of 0 to 1, after a reset"):
+            env.step(np.array(actions))
+        env.reset()
