@@ -1,7 +1,6 @@
-"""Figures of JP5484215 that show numbers: slip detection (5), limits (6), the adhesion curve (17).
+"""Figures of JP5484215: detection (5), limits (6), from slides to increments (10 to 13), brake forces (16), curve (17).
 
-Figs. 10 to 13 are part of the study `learning`, Fig. 16 of `braking`; the others are block diagrams and flow charts, which
-the code is.
+The others are block diagrams and flow charts. Figs. 7 to 9 are transcribed in ``tests/test_flow_charts.py``.
 """
 
 from typing import Any
@@ -10,10 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from alloc.curves import POLACH_DRY, POLACH_WET
-from alloc.rail import logarithmic_increments
+from alloc.rail import GROWTH_SLOPE, logarithmic_increments
 from alloc.rules import RULES, AllocationProblem
 from paper_figs.sharing import of_study
 from paper_figs.style import NARROW, WIDE, Drawing
+from studies.learning import SIGMA, axle_shifts, drawn_counts, fit, planned, unit_increments
 from studies.runs import recorded
 from studies.scenario import load
 
@@ -80,6 +80,73 @@ def limits() -> Figure:
     return drawn
 
 
+CARS, BRAKINGS = 16, 500
+"""Length of the train whose slides are drawn, and brakings of its lead car."""
+GROUPS = {"1C4M": ("s", BLUE), "1C2M": ("^", RED), "1C1M": ("o", "#009e73")}
+"""Motors per inverter, and the look of its units."""
+
+
+def increments() -> Figure:
+    """Figs. 10 to 13, by synthetic data: the measured ones are lost with the source's drawings."""
+    drawn = Figure(figsize=(WIDE, 3.6), layout="constrained")
+    (ten, eleven), (twelve, thirteen) = drawn.subplots(2, 2)
+    g, speed = np.random.default_rng(1), np.linspace(20.0, 280.0, 100)
+    at = g.uniform(30.0, 270.0, 200)
+    found = planned(at / 3.6) + SIGMA * g.standard_normal(at.size)
+    ten.plot(at, found, ".", ms=2, color=BLUE, label=f"synthetic, σ = {SIGMA}")
+    ten.plot(speed, planned(speed / 3.6), color="black", label="planned (12)")
+    ten.set(title="Fig. 10", xlabel="speed [km/h]", ylabel="coefficient [1]", ylim=(0.0, None))
+    axle = np.arange(1, AXLES * CARS + 1)
+    slides = drawn_counts(axle.size, BRAKINGS)
+    eleven.bar(axle, slides, width=1.0, color=BLUE, label="synthetic, from (14) and (15)")
+    eleven.set(title="Fig. 11", ylabel="slides [1]")
+    shift, covariance = axle_shifts(slides)
+    slope, error = fit(shift, covariance)
+    look: dict[str, Any] = {"fmt": ".", "ms": 3, "lw": 0.5, "color": BLUE}
+    twelve.errorbar(axle, shift, np.sqrt(np.diag(covariance)), **look, label="from the slides (14)")
+    fitted, printed = slope * np.log(axle), logarithmic_increments(axle.size)
+    label = f"fit, slope {slope:.4f} ± {error:.4f}"
+    twelve.plot(axle, fitted - fitted[:AXLES].mean(), color=RED, label=label)
+    twelve.plot(axle, printed, "k--", label=f"(15), slope {GROWTH_SLOPE}")
+    twelve.set(title="Fig. 12", ylabel="shift k σ [1]")
+    for group, (marker, colour) in GROUPS.items():
+        unit = (axle - 1) // int(group[2])
+        middle = [axle[unit == j].mean() for j in range(unit[-1] + 1)]
+        look = {"marker": marker, "color": colour, "ls": "none", "ms": 3.5, "fillstyle": "none"}
+        thirteen.plot(middle, unit_increments(printed, unit), **look, label=f"units of {group}")
+    thirteen.set(title="Fig. 13", ylabel="increment over unit 1 [1]")
+    for axes in (ten, eleven, twelve, thirteen):
+        axes.legend()
+    for axes in (eleven, twelve, thirteen):
+        axes.set(xlabel="axle")
+    return drawn
+
+
+def brake_forces() -> Figure:
+    """Fig. 16: what the foremost unit is asked for in the blended stop, and what each of its brakes does; at the rims."""
+    run = recorded(load("wet-stop"), "greedy-literal", "cut-and-ramp", 0)
+    time, own = run["time"].values, run["axle_unit"].values == 0
+    load_of_unit = float(run["unit_static_load"][0]) / 1e3
+    turning = run["axle_turning_mass"].values[own].sum() / 1e3
+    turning = turning * np.abs(run["driver_command"].values)
+    rim = float(run["unit_gear"][0] / run["unit_radius"][0]) * own.sum() / 1e3
+    limit = np.minimum(run["limit"].values[:, 0], run["plan"].values) * load_of_unit + turning
+    shown = {
+        "pattern [kN]": (run["plan"].values * load_of_unit + turning, "black"),
+        "electric [kN]": (rim * run["motor_torque"].values[:, 0], BLUE),
+        "air [kN]": (own.sum() * run["air_brake_force"].values[:, 0] / 1e3, RED),
+    }
+    drawn = Figure(figsize=(NARROW, 3.2), layout="constrained")
+    panels = drawn.subplots(3, 1, sharex=True, sharey=True)
+    for axes, (label, (force, colour)) in zip(panels, shown.items(), strict=True):
+        axes.plot(time, force, color=colour)
+        axes.set_ylabel(label)
+    panels[0].plot(time, limit, color=DARK, ls="--", label="limit")
+    panels[0].legend()
+    panels[-1].set(xlabel="time [s]", ylim=(0.0, None))
+    return drawn
+
+
 def curve() -> Figure:
     """Fig. 17: wet and dry rail, by Polach's sets."""
     drawn = Figure(figsize=(NARROW, 2.4), layout="constrained")
@@ -115,15 +182,27 @@ FIGURES = {
         "beyond the maximum, the adhesion coefficient, more slip carries less force.",
         source=SOURCE,
     ),
+    "slide-counts": Drawing(
+        increments,
+        "Figs. 10 to 13, from counts of slides to increments, with synthetic data since the measured ones are lost: counts "
+        "drawn from (14) and (15) give (15) back within its error.",
+        source=SOURCE,
+    ),
+    "brake-blending": Drawing(
+        brake_forces,
+        "Fig. 16: the electric brake of the foremost unit fluctuates with what the line takes up, and the air brake is "
+        "asked for the rest of the pattern, or of the limit while wheels slide.",
+        source=SOURCE,
+    ),
     "learning": Drawing(
         of_study("learning"),
-        "Figs. 10 to 13, from drawn counts of slides to increments, and the error of increments that a train learns.",
+        "The largest error of increments that were too high at first, over the stations at which the train learns.",
         study="learning",
         source=SOURCE,
     ),
     "braking": Drawing(
         of_study("braking"),
-        "Fig. 16, the brake forces of the foremost car in a blended stop, and what each rule adds to the deceleration.",
+        "What each rule adds to the deceleration of units that brake alone, over random blended stops.",
         study="braking",
         source=SOURCE,
     ),
