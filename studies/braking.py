@@ -20,7 +20,7 @@ from alloc.train import Train
 from alloc.train_rows import rows_of
 from studies import claims
 from studies import events as e
-from studies.claims import CONTROLLERS, LAYERS
+from studies.claims import CONTROLLERS, CORRECTED, LAYERS
 from studies.core import NARROW, Cell, Study
 from studies.runs import complete, paired, run
 from studies.scenario import Scenario, load
@@ -35,6 +35,7 @@ AS_PRINTED: e.Arms = {
     "(18) with the command": {"braking": {"air_force": "command"}},
 }
 """Deviation of the equipment that is taken back -> its keys."""
+ARMS = {CORRECTED: AS_PRINTED}
 
 # the stops: all that is drawn is assumed
 
@@ -200,7 +201,7 @@ def cells(events: int, seed: int) -> list[Cell]:
     for k in range(events):
         one, d = event(seed, k), draw(seed, k)
         drawn = {name: d[name] for name in ("train", "curve")}
-        found += claims.arms(one, COMPARED, AS_PRINTED, d["day"], claims.slips, **drawn)
+        found += claims.arms(one, COMPARED, ARMS, d["day"], claims.slips, **drawn)
     return found
 
 
@@ -237,7 +238,7 @@ LESS = {"deceleration [points of plan]": (GAIN, 2, 100.0), **claims.LESS}
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """What each rule adds to alone, with the verdict on it, and each deviation to the corrected patent."""
-    pair, arms = partial(stops, complete(rows)), claims.compared(COMPARED, AS_PRINTED)
+    pair, arms = partial(stops, complete(rows)), claims.compared(COMPARED, ARMS)
     verdict = "decelerates more", "{} over {} under {}", statements(rows)
     return claims.table_of(arms, pair, {}, LESS, verdict)
 

@@ -44,6 +44,25 @@ AS_PRINTED: e.Arms = {
 }
 """Deviation of the equipment that is taken back -> its keys; a start asks neither of (18). `PRINTED` has all of them."""
 
+
+def _detector(on: float, **keys: float) -> e.Keys:
+    """A detector whose signal is on above `on` [m/s2] and off at half of it."""
+    return {"detector": {"on_kmhs": 3.6 * on, "off_kmhs": 1.8 * on} | keys}
+
+
+SETTINGS: e.Arms = {
+    "a 1.1 m/s²": _detector(1.1),
+    "a 2.5 m/s²": _detector(2.5),
+    "pole 10/s": {"detector": {"pole_per_s": 10.0}},
+    "a 1.1 m/s², pole 10/s": _detector(1.1, pole_per_s=10.0),
+    "hold 2 s": {"hold_time_s": 2.0},
+    "hold 10 s": {"hold_time_s": 10.0},
+}
+"""What the text leaves open of `PRINTED`: thresholds a, b of Fig. 5 (here 1.5 and 0.75 m/s2; the train asks for 0.83),
+the differentiator's pole (here 40/s, less with noise), hold time (here 5 s)."""
+ARMS = {CORRECTED: AS_PRINTED, PRINTED: SETTINGS}
+"""Arms by the rule that they change."""
+
 # the events
 
 CARS, DURATION = 8, 12.0
@@ -111,28 +130,32 @@ def cells(events: int, seed: int) -> list[Cell]:
     found = []
     for k in range(events):
         one, drawn = event(seed, k), draw(seed, k)
-        found += arms(one, COMPARED, AS_PRINTED, k, measure, **drawn)
+        found += arms(one, COMPARED, ARMS, k, measure, **drawn)
     return found
 
 
 def arms(
     one: Scenario,
     rules: Sequence[str],
-    printed: e.Arms,
+    changed: Mapping[str, e.Arms],
     seed: int,
     measure: Measure | None = None,
     **drawn: object,
 ) -> list[Cell]:
-    """An event under every rule, and under the corrected patent with each deviation taken back."""
+    """An event under every rule, and under those that are `changed` by each of their arms."""
     found = []
     for law in CONTROLLERS:
-        found += [cell(one, rule, law, seed, measure, **drawn) for rule in rules]
-        corrected = cell(one, CORRECTED, law, seed, measure, **drawn)
-        found += [taken_back(corrected, arm, keys) for arm, keys in printed.items()]
+        made = {rule: cell(one, rule, law, seed, measure, **drawn) for rule in rules}
+        found += made.values()
+        found += [
+            changed_by(made[rule], arm, keys)
+            for rule, own in changed.items()
+            for arm, keys in own.items()
+        ]
     return found
 
 
-def taken_back(made: Cell, arm: str, keys: e.Keys) -> Cell:
+def changed_by(made: Cell, arm: str, keys: e.Keys) -> Cell:
     """The same run by a train whose equipment has these `keys` beside its own; `arm` is its rule in the rows."""
     one, *others = made.args
     changed = one.changed(onboard=e.equipped(one, keys))
@@ -250,14 +273,18 @@ def claims_of(own: pd.DataFrame) -> list[Claim]:
 
 
 def statements(rows: pd.DataFrame) -> list[Statement]:
-    """One per claim, layer and controller, a family of fifty; and one per deviation and controller, a family of six."""
+    """One per claim, layer and controller, a family of fifty; one per deviation and controller, of six; (a) by setting."""
     good, drawn = complete(rows), tuple(draw(0, 0))
-    claims = []
+    claims, settings = [], []
     for law in CONTROLLERS:
-        for rule in LAYERS:
+        for rule in (*LAYERS, *SETTINGS):
             of_rule = claims_of(paired(good, law, rule, OTHERS, drawn))
-            claims += [one._replace(name=f"{one.name}: {rule} under {law}") for one in of_rule]
-    return judge(claims) + judge(deviations(AS_PRINTED, partial(paired, good)))
+            of_rule = [one._replace(name=f"{one.name}: {rule} under {law}") for one in of_rule]
+            if rule in LAYERS:
+                claims += of_rule
+            else:
+                settings.append(of_rule[0])
+    return judge(claims) + judge(deviations(AS_PRINTED, partial(paired, good))) + judge(settings)
 
 
 Pair = Callable[[str, str, Iterable[str]], pd.DataFrame]
@@ -309,15 +336,17 @@ def table_of(
     return pd.DataFrame(lines)
 
 
-def compared(rules: Sequence[str], printed: e.Arms) -> dict[str, Sequence[str]]:
-    """What rules and deviations are compared with -> these."""
-    return {"": rules[:1], rules[0]: rules[1:], CORRECTED: (*printed, PRINTED)}
+def compared(rules: Sequence[str], changed: Mapping[str, e.Arms]) -> dict[str, Sequence[str]]:
+    """What rules and arms are compared with -> these; as printed the patent is an arm of the corrected one."""
+    others = {one: (*own, PRINTED) if one == CORRECTED else (*own,) for one, own in changed.items()}
+    return {"": rules[:1], rules[0]: rules[1:]} | others
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Each rule, and what it adds to `alone`; each deviation taken back, and what it adds to the corrected patent."""
+    """Each rule, and what it adds to `alone`; each deviation taken back, and what it adds to the corrected patent; each
+    setting, and what it adds to the patent as printed."""
     pair = partial(paired, complete(rows))
-    return table_of(compared(COMPARED, AS_PRINTED), pair, OWN, LESS)
+    return table_of(compared(COMPARED, ARMS), pair, OWN, LESS)
 
 
 def figure(rows: pd.DataFrame) -> Figure:
