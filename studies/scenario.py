@@ -121,12 +121,15 @@ class RailKeys(Keys):
     speed_law: str | tuple[float, float, float] = "none"
     law_factor: float | None = Field(default=None, gt=0.0, le=10.0)
     """Factor on the coefficient that `speed_law` gives; 1 is the law itself. Left out: `level` is given."""
+    rear_speed_law: tuple[float, float, float] | None = None
+    rear_axles: float | None = None
     increments: Increments
     """Growth of the coefficient along the train. It is always said: law = "none", or "logarithmic" for JP5484215 (15)."""
     patches: tuple[_Patch, ...] = Field(default=(), max_length=1000)
     scatter: float = Field(default=0.0, ge=0.0, le=MOST_COEFFICIENT)
     scatter_length_m: float | None = None
     conditioning: float = Field(default=0.0, ge=0.0, le=10.0)
+    conditioning_slip: float | None = None
     curve: Curve = Curve()
 
     @model_validator(mode="after")
@@ -246,6 +249,8 @@ _Equipment: Any = keys_of(
     "reference.source",
     "reference.radii_compared",
     "hold_time",
+    "rise_time",
+    "period",
     "limit_rate",
     "inertia_in_limit",
 )
