@@ -1,8 +1,9 @@
-"""Figures of JP5484215: detection (5), limits (6), from slides to increments (10 to 13), brake forces (16), curve (17).
+"""Figures of JP5484215: detection (5), limits (6), steps (7 to 9), increments (10 to 13), brake forces (16), curve (17).
 
-The others are block diagrams and flow charts. Figs. 7 to 9 are transcribed in ``tests/test_flow_charts.py``.
+The others are block diagrams.
 """
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -77,6 +78,59 @@ def limits() -> Figure:
         axes.set(title=title, xlabel="unit", xticks=unit)
         axes.legend(loc="lower right")
     panels[0].set(ylabel="coefficient [1]", ylim=(0.128, 0.186))
+    return drawn
+
+
+STEPS = {
+    "S203": (0, "slip of the foremost unit detected?"),
+    "S204, S205": (0, "estimate; caps: estimate + increment (5)"),
+    "S206, S207": (0, "mean of the caps (7) above the plan?"),
+    "S209": (0, "small: what the front lacks (8)"),
+    "S210": (0, "large: what the rear can add (9),\nunit by unit"),
+    "S211": (0, "level: first cap with large ≥ small"),
+    "S212": (0, "cap of the unit below the level?"),
+    "S214": (0, "limit: the level (11)"),
+    "S215": (0, "torque limits of empty cars (6) are sent"),
+    "S217": (0, "each unit adds its load (6')\nand controls its motors"),
+    "S216": (1, "limits: the plan"),
+    "S208": (1, "limits: the caps"),
+    "S213": (1, "limit: the cap (10)"),
+}
+"""Column, and what is done or asked, of the steps of Figs. 7 to 9."""
+RIGHT = 1.3
+"""Place of the second column; the first is at 0."""
+BRANCHES = {"S203": ("yes", "no"), "S206, S207": ("yes: B", "no: A"), "S212": ("no: D", "yes: C")}
+"""Answers to the questions: on in the column, and to the right."""
+
+
+def steps() -> Figure:
+    """Figs. 7 to 9 as one chart."""
+    drawn = Figure(figsize=(NARROW, 4.6), layout="constrained")
+    axes = drawn.subplots()
+    axes.set(xlim=(-0.65, 1.72), ylim=(-9.5, 0.5))
+    axes.set_axis_off()
+    main = [name for name, (column, _) in STEPS.items() if column == 0]
+    place = {name: (0.0, -float(k)) for k, name in enumerate(main)}
+    place |= {"S216": (RIGHT, 0.0), "S208": (RIGHT, -2.0), "S213": (RIGHT, -6.0)}
+    boxes = {}
+    for name, at in place.items():
+        asks = name in BRANCHES
+        box = {"boxstyle": "round" if asks else "square", "fc": "#dcebf5" if asks else "white"}
+        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6, "zorder": 3}
+        text = f"{name}: {STEPS[name][1]}"
+        boxes[name] = axes.text(*at, text, bbox=box | {"ec": DARK, "lw": 0.6}, **look)
+    by_height = {place[name][1]: name for name in place if name not in main}
+    to_right = [(name, by_height[place[name][1]]) for name in BRANCHES]
+    for one, other in (*pairwise(main), *to_right):
+        ends = {"patchA": boxes[one].get_bbox_patch(), "patchB": boxes[other].get_bbox_patch()}
+        arrow = {"arrowstyle": "-|>", "color": DARK, "shrinkA": 0.0, "shrinkB": 0.0} | ends
+        axes.annotate("", place[other], place[one], arrowprops=arrow)
+    for name, (on, right) in BRANCHES.items():
+        axes.text(0.03, place[name][1] - 0.5, on, fontsize=6, va="center")
+        axes.text(0.68, place[name][1] + 0.22, right, fontsize=6)
+    ends = {"arrowstyle": "-|>", "color": DARK, "patchB": boxes["S215"].get_bbox_patch()}
+    axes.plot([RIGHT, RIGHT], [0.0, place["S215"][1]], color=DARK, lw=1.0)
+    axes.annotate("", place["S215"], (RIGHT, place["S215"][1]), arrowprops=ends | {"shrinkA": 0.0})
     return drawn
 
 
@@ -174,6 +228,12 @@ FIGURES = {
         limits,
         "Fig. 6: where the train can meet the plan, units behind take over what those in front lack, by equal areas at the "
         "exact level, by more at the patent's, which are caps; where it cannot, every limit is its cap.",
+        source=SOURCE,
+    ),
+    "rule-steps": Drawing(
+        steps,
+        "Figs. 7 to 9: the steps by which the foremost unit limits all units; in case A all work at their caps, in case B "
+        "the rear takes over what the front lacks.",
         source=SOURCE,
     ),
     "wet-and-dry": Drawing(
