@@ -118,7 +118,7 @@ BAD = [
     ("belief.increments", {"law": "given", "values": [0.1]}, "belief.increments.values: give one per axle, 32"),
     ("line.sections", [{"start_m": 0.0, "grade_permille": 1e6}], "key 'line.sections[1].grade_permille' = 1000000.0"),
     ("receptivity.period_s", 0.0, "receptivity.period_s = 0.0 must be a finite number, greater than 0"),
-    ("onboard.telegrams.period_s", 1e-3, "period = 0.01 must not exceed onboard.telegrams.period_s = 0.001"),
+    ("onboard.telegrams.period_s", 1e-3, "onboard.period_s = 0.01 must not exceed onboard.telegrams.period_s = 0.001"),
     ("onboard.detector.on_kmhs", 0.5,
      "onboard.detector.off_kmhs = 2.7 must be below onboard.detector.on_kmhs = 0.5"),
     ("onboard.braking.car_shares", [1.0], "car_shares: 1 values for 8 cars"),
@@ -194,6 +194,7 @@ BESIDE = {
 GIVEN = {
     "load_t": [1.0] * 8,
     "rail.speed_law": "curtius-kniffler",
+    "rail.rear_speed_law": [0.0, 1.0, 0.9],
     "rail.increments.values": [0.01] * 32,
     "belief.increments.values": [0.01] * 32,
     "variation.level": [0.5, 0.6],
