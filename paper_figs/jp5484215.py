@@ -122,15 +122,18 @@ def steps() -> Figure:
     by_height = {place[name][1]: name for name in place if name not in main}
     to_right = [(name, by_height[place[name][1]]) for name in BRANCHES]
     for one, other in (*pairwise(main), *to_right):
-        ends = {"patchA": boxes[one].get_bbox_patch(), "patchB": boxes[other].get_bbox_patch()}
+        ends: dict[str, Any] = {
+            "patchA": boxes[one].get_bbox_patch(),
+            "patchB": boxes[other].get_bbox_patch(),
+        }
         arrow = {"arrowstyle": "-|>", "color": DARK, "shrinkA": 0.0, "shrinkB": 0.0} | ends
         axes.annotate("", place[other], place[one], arrowprops=arrow)
     for name, (on, right) in BRANCHES.items():
         axes.text(0.03, place[name][1] - 0.5, on, fontsize=6, va="center")
         axes.text(0.68, place[name][1] + 0.22, right, fontsize=6)
-    ends = {"arrowstyle": "-|>", "color": DARK, "patchB": boxes["S215"].get_bbox_patch()}
+    last = {"patchA": None, "patchB": boxes["S215"].get_bbox_patch()}
     axes.plot([RIGHT, RIGHT], [0.0, place["S215"][1]], color=DARK, lw=1.0)
-    axes.annotate("", place["S215"], (RIGHT, place["S215"][1]), arrowprops=ends | {"shrinkA": 0.0})
+    axes.annotate("", place["S215"], (RIGHT, place["S215"][1]), arrowprops=arrow | last)
     return drawn
 
 

@@ -143,7 +143,7 @@ def arms(
     **drawn: object,
 ) -> list[Cell]:
     """An event under every rule, and under those that are `changed` by each of their arms."""
-    found = []
+    found = list[Cell]()
     for law in CONTROLLERS:
         made = {rule: cell(one, rule, law, seed, measure, **drawn) for rule in rules}
         found += made.values()
