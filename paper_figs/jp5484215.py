@@ -81,59 +81,54 @@ def limits() -> Figure:
     return drawn
 
 
-STEPS = {
-    "S203": (0, "slip of the foremost unit detected?"),
-    "S204, S205": (0, "estimate; caps: estimate + increment (5)"),
-    "S206, S207": (0, "mean of the caps (7) above the plan?"),
-    "S209": (0, "small: what the front lacks (8)"),
-    "S210": (0, "large: what the rear can add (9),\nunit by unit"),
-    "S211": (0, "level: first cap with large ≥ small"),
-    "S212": (0, "cap of the unit below the level?"),
-    "S214": (0, "limit: the level (11)"),
-    "S215": (0, "torque limits of empty cars (6) are sent"),
-    "S217": (0, "each unit adds its load (6')\nand controls its motors"),
-    "S216": (1, "limits: the plan"),
-    "S208": (1, "limits: the caps"),
-    "S213": (1, "limit: the cap (10)"),
+STEPS = (
+    "S203: slip of the foremost unit detected?",
+    "S204, S205: estimate; caps: estimate + increment (5)",
+    "S206, S207: mean of the caps (7) above the plan?",
+    "S209: small: what the front lacks (8)",
+    "S210: large: what the rear can add (9),\nunit by unit",
+    "S211: level: first cap with large ≥ small",
+    "S212: cap of the unit below the level?",
+    "S214: limit: the level (11)",
+    "S215: torque limits of empty cars (6) are sent",
+    "S217: each unit adds its load (6')\nand controls its motors",
+)
+BRANCHES = {
+    0: ("yes", "no", "S216: limits: the plan"),
+    2: ("yes: B", "no: A", "S208: limits: the caps"),
+    6: ("no: D", "yes: C", "S213: limit: the cap (10)"),
 }
-"""Column, and what is done or asked, of the steps of Figs. 7 to 9."""
-RIGHT = 1.3
-"""Place of the second column; the first is at 0."""
-BRANCHES = {"S203": ("yes", "no"), "S206, S207": ("yes: B", "no: A"), "S212": ("no: D", "yes: C")}
-"""Answers to the questions: on in the column, and to the right."""
+"""Steps that ask -> answers that lead on and to the right, and what is done there; all meet at `MEET`."""
+MEET, RIGHT = 8, 1.3
+"""A step, and the place of the second column; the first is at 0."""
 
 
 def steps() -> Figure:
     """Figs. 7 to 9 as one chart."""
     drawn = Figure(figsize=(NARROW, 4.6), layout="constrained")
     axes = drawn.subplots()
-    axes.set(xlim=(-0.65, 1.72), ylim=(-9.5, 0.5))
+    axes.set(xlim=(-0.65, 1.72), ylim=(0.5 - len(STEPS), 0.5))
     axes.set_axis_off()
-    main = [name for name, (column, _) in STEPS.items() if column == 0]
-    place = {name: (0.0, -float(k)) for k, name in enumerate(main)}
-    place |= {"S216": (RIGHT, 0.0), "S208": (RIGHT, -2.0), "S213": (RIGHT, -6.0)}
-    boxes = {}
-    for name, at in place.items():
-        asks = name in BRANCHES
-        box = {"boxstyle": "round" if asks else "square", "fc": "#dcebf5" if asks else "white"}
-        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6, "zorder": 3}
-        text = f"{name}: {STEPS[name][1]}"
-        boxes[name] = axes.text(*at, text, bbox=box | {"ec": DARK, "lw": 0.6}, **look)
-    by_height = {place[name][1]: name for name in place if name not in main}
-    to_right = [(name, by_height[place[name][1]]) for name in BRANCHES]
-    for one, other in (*pairwise(main), *to_right):
-        ends: dict[str, Any] = {
-            "patchA": boxes[one].get_bbox_patch(),
-            "patchB": boxes[other].get_bbox_patch(),
-        }
-        arrow = {"arrowstyle": "-|>", "color": DARK, "shrinkA": 0.0, "shrinkB": 0.0} | ends
-        axes.annotate("", place[other], place[one], arrowprops=arrow)
-    for name, (on, right) in BRANCHES.items():
-        axes.text(0.03, place[name][1] - 0.5, on, fontsize=6, va="center")
-        axes.text(0.68, place[name][1] + 0.22, right, fontsize=6)
-    last = {"patchA": None, "patchB": boxes["S215"].get_bbox_patch()}
-    axes.plot([RIGHT, RIGHT], [0.0, place["S215"][1]], color=DARK, lw=1.0)
-    axes.annotate("", place["S215"], (RIGHT, place["S215"][1]), arrowprops=arrow | last)
+
+    def box(x: float, step: int, text: str, **look: Any) -> Any:
+        frame = {"boxstyle": "square", "fc": "white", "ec": DARK, "lw": 0.6} | look
+        centred: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 3}
+        return axes.text(x, -step, text, bbox=frame, fontsize=6, **centred).get_bbox_patch()
+
+    def arrow(one: tuple[float, float], other: tuple[float, float], **patches: Any) -> None:
+        look = {"arrowstyle": "-|>", "color": DARK, "shrinkA": 0.0, "shrinkB": 0.0} | patches
+        axes.annotate("", other, one, arrowprops=look)
+
+    asks = {"boxstyle": "round", "fc": "#dcebf5"}
+    main = [box(0.0, k, text, **(asks if k in BRANCHES else {})) for k, text in enumerate(STEPS)]
+    for k, (one, other) in enumerate(pairwise(main)):
+        arrow((0.0, -k), (0.0, -k - 1), patchA=one, patchB=other)
+    for k, (on, right, text) in BRANCHES.items():
+        arrow((0.0, -k), (RIGHT, -k), patchA=main[k], patchB=box(RIGHT, k, text))
+        axes.text(0.03, -k - 0.5, on, fontsize=6, va="center")
+        axes.text(0.68, -k + 0.22, right, fontsize=6)
+    axes.plot([RIGHT, RIGHT], [0.0, -MEET], color=DARK, lw=1.0)
+    arrow((RIGHT, -MEET), (0.0, -MEET), patchB=main[MEET])
     return drawn
 
 
