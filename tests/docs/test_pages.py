@@ -126,6 +126,13 @@ def test_the_table_of_a_source_has_all_and_its_places_exist(source):
         assert found >= set(range(1, count + 1)), kind
 
 
+def test_the_page_of_figures_has_all_of_each_source():
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", PAGES["docs/figures.md"], re.MULTILINE))
+    for source in {one.source for one in all_figures().values()} - {""}:
+        own = {name for name, one in all_figures().items() if one.source == source}
+        assert set(re.findall(r"`([\w-]+)`", rows[source])) == own
+
+
 SHIPPED, STARTS, BROAD, CLAIMS = "compare-table", "ladder-table", "broad-table", "claims-statements"
 ROOM = "headroom-table"
 POINTS, USED = ("gain", "gain_low", "gain_high"), ("used",)
