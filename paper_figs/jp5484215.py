@@ -1,19 +1,20 @@
-"""Figures of JP5484215 that show numbers: slip detection (5), limits (6), the adhesion curve (17).
+"""Figures of JP5484215: detection (5), limits (6), steps (7 to 9), increments (10 to 13), brake forces (16), curve (17).
 
-Figs. 10 to 13 are part of the study `learning`, Fig. 16 of `braking`; the others are block diagrams and flow charts, which
-the code is.
+The others are block diagrams.
 """
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from alloc.curves import POLACH_DRY, POLACH_WET
-from alloc.rail import logarithmic_increments
+from alloc.rail import GROWTH_SLOPE, logarithmic_increments
 from alloc.rules import RULES, AllocationProblem
 from paper_figs.sharing import of_study
 from paper_figs.style import NARROW, WIDE, Drawing
+from studies.learning import SIGMA, axle_shifts, drawn_counts, fit, planned, unit_increments
 from studies.runs import recorded
 from studies.scenario import load
 
@@ -80,6 +81,124 @@ def limits() -> Figure:
     return drawn
 
 
+STEPS = (
+    "S203: slip of the foremost unit detected?",
+    "S204, S205: estimate; caps: estimate + increment (5)",
+    "S206, S207: mean of the caps (7) above the plan?",
+    "S209: small: what the front lacks (8)",
+    "S210: large: what the rear can add (9),\nunit by unit",
+    "S211: level: first cap with large ≥ small",
+    "S212: cap of the unit below the level?",
+    "S214: limit: the level (11)",
+    "S215: torque limits of empty cars (6) are sent",
+    "S217: each unit adds its load (6')\nand controls its motors",
+)
+BRANCHES = {
+    0: ("yes", "no", "S216: limits: the plan"),
+    2: ("yes: B", "no: A", "S208: limits: the caps"),
+    6: ("no: D", "yes: C", "S213: limit: the cap (10)"),
+}
+"""Steps that ask -> answers that lead on and to the right, and what is done there; all meet at `MEET`."""
+MEET, RIGHT = 8, 1.3
+"""A step, and the place of the second column; the first is at 0."""
+
+
+def steps() -> Figure:
+    """Figs. 7 to 9 as one chart."""
+    drawn = Figure(figsize=(NARROW, 4.6), layout="constrained")
+    axes = drawn.subplots()
+    axes.set(xlim=(-0.65, 1.72), ylim=(0.5 - len(STEPS), 0.5))
+    axes.set_axis_off()
+
+    def box(x: float, step: int, text: str, **look: Any) -> Any:
+        frame = {"boxstyle": "square", "fc": "white", "ec": DARK, "lw": 0.6} | look
+        centred: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 3}
+        return axes.text(x, -step, text, bbox=frame, fontsize=6, **centred).get_bbox_patch()
+
+    def arrow(one: tuple[float, float], other: tuple[float, float], **patches: Any) -> None:
+        look = {"arrowstyle": "-|>", "color": DARK, "shrinkA": 0.0, "shrinkB": 0.0} | patches
+        axes.annotate("", other, one, arrowprops=look)
+
+    asks = {"boxstyle": "round", "fc": "#dcebf5"}
+    main = [box(0.0, k, text, **(asks if k in BRANCHES else {})) for k, text in enumerate(STEPS)]
+    for k, (one, other) in enumerate(pairwise(main)):
+        arrow((0.0, -k), (0.0, -k - 1), patchA=one, patchB=other)
+    for k, (on, right, text) in BRANCHES.items():
+        arrow((0.0, -k), (RIGHT, -k), patchA=main[k], patchB=box(RIGHT, k, text))
+        axes.text(0.03, -k - 0.5, on, fontsize=6, va="center")
+        axes.text(0.68, -k + 0.22, right, fontsize=6)
+    axes.plot([RIGHT, RIGHT], [0.0, -MEET], color=DARK, lw=1.0)
+    arrow((RIGHT, -MEET), (0.0, -MEET), patchB=main[MEET])
+    return drawn
+
+
+CARS, BRAKINGS = 16, 500
+"""Length of the train whose slides are drawn, and brakings of its lead car."""
+GROUPS = {"1C4M": ("s", BLUE), "1C2M": ("^", RED), "1C1M": ("o", "#009e73")}
+"""Motors per inverter, and the look of its units."""
+
+
+def increments() -> Figure:
+    """Figs. 10 to 13, by synthetic data: the measured ones are lost with the source's drawings."""
+    drawn = Figure(figsize=(WIDE, 3.6), layout="constrained")
+    (ten, eleven), (twelve, thirteen) = drawn.subplots(2, 2)
+    g, speed = np.random.default_rng(1), np.linspace(20.0, 280.0, 100)
+    at = g.uniform(30.0, 270.0, 200)
+    found = planned(at / 3.6) + SIGMA * g.standard_normal(at.size)
+    ten.plot(at, found, ".", ms=2, color=BLUE, label=f"synthetic, σ = {SIGMA}")
+    ten.plot(speed, planned(speed / 3.6), color="black", label="planned (12)")
+    ten.set(title="Fig. 10", xlabel="speed [km/h]", ylabel="coefficient [1]", ylim=(0.0, None))
+    axle = np.arange(1, AXLES * CARS + 1)
+    slides = drawn_counts(axle.size, BRAKINGS)
+    eleven.bar(axle, slides, width=1.0, color=BLUE, label="synthetic, from (14) and (15)")
+    eleven.set(title="Fig. 11", ylabel="slides [1]")
+    shift, covariance = axle_shifts(slides)
+    slope, error = fit(shift, covariance)
+    look: dict[str, Any] = {"fmt": ".", "ms": 3, "lw": 0.5, "color": BLUE}
+    twelve.errorbar(axle, shift, np.sqrt(np.diag(covariance)), **look, label="from the slides (14)")
+    fitted, printed = slope * np.log(axle), logarithmic_increments(axle.size)
+    label = f"fit, slope {slope:.4f} ± {error:.4f}"
+    twelve.plot(axle, fitted - fitted[:AXLES].mean(), color=RED, label=label)
+    twelve.plot(axle, printed, "k--", label=f"(15), slope {GROWTH_SLOPE}")
+    twelve.set(title="Fig. 12", ylabel="shift k σ [1]")
+    for group, (marker, colour) in GROUPS.items():
+        unit = (axle - 1) // int(group[2])
+        middle = [axle[unit == j].mean() for j in range(unit[-1] + 1)]
+        look = {"marker": marker, "color": colour, "ls": "none", "ms": 3.5, "fillstyle": "none"}
+        thirteen.plot(middle, unit_increments(printed, unit), **look, label=f"units of {group}")
+    thirteen.set(title="Fig. 13", ylabel="increment over unit 1 [1]")
+    for axes in (ten, eleven, twelve, thirteen):
+        axes.legend()
+    for axes in (eleven, twelve, thirteen):
+        axes.set(xlabel="axle")
+    return drawn
+
+
+def brake_forces() -> Figure:
+    """Fig. 16: what the foremost unit is asked for in the blended stop, and what each of its brakes does; at the rims."""
+    run = recorded(load("wet-stop"), "greedy-literal", "cut-and-ramp", 0)
+    time, own = run["time"].values, run["axle_unit"].values == 0
+    load_of_unit = float(run["unit_static_load"][0]) / 1e3
+    turning = run["axle_turning_mass"].values[own].sum() / 1e3
+    turning = turning * np.abs(run["driver_command"].values)
+    rim = float(run["unit_gear"][0] / run["unit_radius"][0]) * own.sum() / 1e3
+    limit = np.minimum(run["limit"].values[:, 0], run["plan"].values) * load_of_unit + turning
+    shown = {
+        "pattern [kN]": (run["plan"].values * load_of_unit + turning, "black"),
+        "electric [kN]": (rim * run["motor_torque"].values[:, 0], BLUE),
+        "air [kN]": (own.sum() * run["air_brake_force"].values[:, 0] / 1e3, RED),
+    }
+    drawn = Figure(figsize=(NARROW, 3.2), layout="constrained")
+    panels = drawn.subplots(3, 1, sharex=True, sharey=True)
+    for axes, (label, (force, colour)) in zip(panels, shown.items(), strict=True):
+        axes.plot(time, force, color=colour)
+        axes.set_ylabel(label)
+    panels[0].plot(time, limit, color=DARK, ls="--", label="limit")
+    panels[0].legend()
+    panels[-1].set(xlabel="time [s]", ylim=(0.0, None))
+    return drawn
+
+
 def curve() -> Figure:
     """Fig. 17: wet and dry rail, by Polach's sets."""
     drawn = Figure(figsize=(NARROW, 2.4), layout="constrained")
@@ -109,21 +228,39 @@ FIGURES = {
         "exact level, by more at the patent's, which are caps; where it cannot, every limit is its cap.",
         source=SOURCE,
     ),
+    "rule-steps": Drawing(
+        steps,
+        "Figs. 7 to 9: the steps by which the foremost unit limits all units; in case A all work at their caps, in case B "
+        "the rear takes over what the front lacks.",
+        source=SOURCE,
+    ),
     "wet-and-dry": Drawing(
         curve,
         "Fig. 17: the tangential force coefficient over the slip velocity on wet and dry rail (Polach's sets at 72 km/h); "
         "beyond the maximum, the adhesion coefficient, more slip carries less force.",
         source=SOURCE,
     ),
+    "slide-counts": Drawing(
+        increments,
+        "Figs. 10 to 13, from counts of slides to increments, with synthetic data since the measured ones are lost: counts "
+        "drawn from (14) and (15) give (15) back within its error.",
+        source=SOURCE,
+    ),
+    "brake-blending": Drawing(
+        brake_forces,
+        "Fig. 16: the electric brake of the foremost unit fluctuates with what the line takes up, and the air brake is "
+        "asked for the rest of the pattern, or of the limit while wheels slide.",
+        source=SOURCE,
+    ),
     "learning": Drawing(
         of_study("learning"),
-        "Figs. 10 to 13, from drawn counts of slides to increments, and the error of increments that a train learns.",
+        "The largest error of increments that were too high at first, over the stations at which the train learns.",
         study="learning",
         source=SOURCE,
     ),
     "braking": Drawing(
         of_study("braking"),
-        "Fig. 16, the brake forces of the foremost car in a blended stop, and what each rule adds to the deceleration.",
+        "What each rule adds to the deceleration of units that brake alone, over random blended stops.",
         study="braking",
         source=SOURCE,
     ),

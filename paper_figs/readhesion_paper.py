@@ -185,7 +185,7 @@ def downhill(rows: pd.DataFrame) -> Figure:
     return figure
 
 
-SMALL, CLOSE = {"ylim": (0.0, 0.35)}, {"xlim": (9.0, 11.0)}
+SMALL, CLOSE = {"ylim": (0.0, 0.35)}, {"xlim": (9.0, 11.0), "xticks": [9, 9.5, 10, 10.5]}
 SLIPS: list[Shown] = [(CASE_A, SLIP, SMALL), (CASE_B, SLIP, SMALL), (CASE_B, SLIP, {})]
 TORQUES: list[Shown] = [(case, TORQUE, {"ylim": (0.04, 0.19)}) for case in NAMES]
 FACTORS: list[Shown] = [(CASE_A, FACTOR, {}), (CASE_A, FACTOR, CLOSE), (CASE_B, FACTOR, {})]

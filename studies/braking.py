@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from alloc.laws import GRAVITY
@@ -22,8 +21,8 @@ from alloc.train_rows import rows_of
 from studies import claims
 from studies import events as e
 from studies.claims import CONTROLLERS, CORRECTED, LAYERS
-from studies.core import WIDE, Cell, Study
-from studies.runs import complete, paired, recorded, run
+from studies.core import NARROW, Cell, Study
+from studies.runs import complete, paired, run
 from studies.scenario import Scenario, load
 from studies.statistics import Claim, Statement, forest, judge
 
@@ -36,6 +35,7 @@ AS_PRINTED: e.Arms = {
     "(18) with the command": {"braking": {"air_force": "command"}},
 }
 """Deviation of the equipment that is taken back -> its keys."""
+ARMS = {CORRECTED: AS_PRINTED}
 
 # the stops: all that is drawn is assumed
 
@@ -201,7 +201,7 @@ def cells(events: int, seed: int) -> list[Cell]:
     for k in range(events):
         one, d = event(seed, k), draw(seed, k)
         drawn = {name: d[name] for name in ("train", "curve")}
-        found += claims.arms(one, COMPARED, AS_PRINTED, d["day"], claims.slips, **drawn)
+        found += claims.arms(one, COMPARED, ARMS, d["day"], claims.slips, **drawn)
     return found
 
 
@@ -238,46 +238,21 @@ LESS = {"deceleration [points of plan]": (GAIN, 2, 100.0), **claims.LESS}
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """What each rule adds to alone, with the verdict on it, and each deviation to the corrected patent."""
-    pair, arms = partial(stops, complete(rows)), claims.compared(COMPARED, AS_PRINTED)
+    pair, arms = partial(stops, complete(rows)), claims.compared(COMPARED, ARMS)
     verdict = "decelerates more", "{} over {} under {}", statements(rows)
     return claims.table_of(arms, pair, {}, LESS, verdict)
 
 
 def figure(rows: pd.DataFrame) -> Figure:
-    """Fig. 16: brake forces of the foremost car in a stop, and its limit; beside them the rules over alone."""
-    drawn = Figure(figsize=(WIDE, 2.4), layout="constrained")
-    forces, limits, gains = drawn.subplots(1, 3)
-    _fig_16(forces, limits)
-    found = {one.claim.name: one.number for one in statements(rows)}
+    """Every rule over alone."""
+    drawn = Figure(figsize=(NARROW, 2.4), layout="constrained")
+    axes, found = drawn.subplots(), {one.claim.name: one.number for one in statements(rows)}
     names = {
         rule: [f"{rule} over alone under {law}" for law in CONTROLLERS] for rule in COMPARED[1:]
     }
-    forest(gains, {rule: [found[one] for one in pair] for rule, pair in names.items()}, RULES, 0.0)
-    gains.set(title=claims.MARKERS.replace(", ", ",\n"), xlabel="deceleration over alone [points]")
+    forest(axes, {rule: [found[one] for one in pair] for rule, pair in names.items()}, RULES, 0.0)
+    axes.set(title=claims.MARKERS, xlabel="deceleration over alone [points of plan]")
     return drawn
-
-
-def _fig_16(forces: Axes, limits: Axes) -> None:
-    """The foremost unit under the corrected patent in the shipped blended stop; forces at the rims of its wheels."""
-    found = recorded(load("wet-stop"), CORRECTED, "cut-and-ramp", 0)
-    time, plan = found["time"].values, found["plan"].values
-    own = found["axle_unit"].values == 0
-    rim = float(found["unit_gear"][0] / found["unit_radius"][0]) * own.sum()
-    electric = rim * found["motor_torque"].values[:, 0] / 1e3
-    air = own.sum() * found["air_brake_force"].values[:, 0] / 1e3
-    turning = found["axle_turning_mass"].values[own].sum() * np.abs(found["driver_command"].values)
-    pattern = (plan * float(found["unit_static_load"][0]) + turning) / 1e3
-    forces.stackplot(time, electric, air, labels=("electric", "air"), colors=("#56b4e9", "#e69f00"))
-    forces.plot(time, pattern, "k:", label="pattern")
-    forces.set(title="Fig. 16: foremost unit", xlabel="time [s]", ylabel="brake force [kN]")
-    forces.set_ylim(0.0, 1.3 * pattern.max())
-    forces.legend(loc="upper center", ncols=3, columnspacing=1.0)
-    rail = found["adhesion_limit"].values[:, own].mean(axis=1)
-    limits.plot(time, rail, color="0.5", label="adhesion")
-    limits.plot(time, found["limit"].values[:, 0], color=RULES[CORRECTED].colour, label="limit")
-    limits.plot(time, plan, "k:", label="plan")
-    limits.set(xlabel="time [s]", ylabel="coefficient")
-    limits.legend()
 
 
 QUESTION = (

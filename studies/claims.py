@@ -44,6 +44,25 @@ AS_PRINTED: e.Arms = {
 }
 """Deviation of the equipment that is taken back -> its keys; a start asks neither of (18). `PRINTED` has all of them."""
 
+
+def _detector(on: float, **keys: float) -> e.Keys:
+    """A detector whose signal is on above `on` [m/s2] and off at half of it."""
+    return {"detector": {"on_kmhs": 3.6 * on, "off_kmhs": 1.8 * on} | keys}
+
+
+SETTINGS: e.Arms = {
+    "a 1.1 m/s²": _detector(1.1),
+    "a 2.5 m/s²": _detector(2.5),
+    "pole 10/s": {"detector": {"pole_per_s": 10.0}},
+    "a 1.1 m/s², pole 10/s": _detector(1.1, pole_per_s=10.0),
+    "hold 2 s": {"hold_time_s": 2.0},
+    "hold 10 s": {"hold_time_s": 10.0},
+}
+"""What the text leaves open of `PRINTED`: thresholds a, b of Fig. 5 (here 1.5 and 0.75 m/s2; the train asks for 0.83),
+the differentiator's pole (here 40/s, less with noise), hold time (here 5 s)."""
+ARMS = {CORRECTED: AS_PRINTED, PRINTED: SETTINGS}
+"""Arms by the rule that they change."""
+
 # the events
 
 CARS, DURATION = 8, 12.0
@@ -111,28 +130,32 @@ def cells(events: int, seed: int) -> list[Cell]:
     found = []
     for k in range(events):
         one, drawn = event(seed, k), draw(seed, k)
-        found += arms(one, COMPARED, AS_PRINTED, k, measure, **drawn)
+        found += arms(one, COMPARED, ARMS, k, measure, **drawn)
     return found
 
 
 def arms(
     one: Scenario,
     rules: Sequence[str],
-    printed: e.Arms,
+    changed: Mapping[str, e.Arms],
     seed: int,
     measure: Measure | None = None,
     **drawn: object,
 ) -> list[Cell]:
-    """An event under every rule, and under the corrected patent with each deviation taken back."""
-    found = []
+    """An event under every rule, and under those that are `changed` by each of their arms."""
+    found = list[Cell]()
     for law in CONTROLLERS:
-        found += [cell(one, rule, law, seed, measure, **drawn) for rule in rules]
-        corrected = cell(one, CORRECTED, law, seed, measure, **drawn)
-        found += [taken_back(corrected, arm, keys) for arm, keys in printed.items()]
+        made = {rule: cell(one, rule, law, seed, measure, **drawn) for rule in rules}
+        found += made.values()
+        found += [
+            changed_by(made[rule], arm, keys)
+            for rule, own in changed.items()
+            for arm, keys in own.items()
+        ]
     return found
 
 
-def taken_back(made: Cell, arm: str, keys: e.Keys) -> Cell:
+def changed_by(made: Cell, arm: str, keys: e.Keys) -> Cell:
     """The same run by a train whose equipment has these `keys` beside its own; `arm` is its rule in the rows."""
     one, *others = made.args
     changed = one.changed(onboard=e.equipped(one, keys))
@@ -160,7 +183,8 @@ def measure(found: xr.Dataset) -> Row:
     - reach_low, reach_high: 5 % and 95 % quantile over time of the adhesion of all units over the plan.
     - use_low: adhesion used by the unit that uses least.
     - over_share: share of units and time with a limit above the adhesion.
-    - over_use, over_time [s]: adhesion used under a rule's limit that is somewhat too high, and unit seconds there.
+    - over_use, over_time [s]: adhesion used under a rule's limit that is somewhat too high, and unit seconds there;
+      quiet_use, quiet_time: the same of units that never detect slip.
     """
     time, command = series(found, "time"), series(found, "driver_command")
     counted = (command != 0.0) & (time >= time[int(np.argmax(command != 0.0))] + SETTLING)
@@ -176,14 +200,17 @@ def measure(found: xr.Dataset) -> Row:
     excess = limit / adhesion - 1.0
     ruled = (series(found, "case")[counted] > 0.0)[:, None]
     over = (excess > 0.0) & (excess <= SOMEWHAT) & ruled
-    return slips(found) | {
+    quiet = over & (series(found, "detected")[-1] < 0.0)
+    row = slips(found)
+    for name, where in (("over", over), ("quiet", quiet)):
+        used = force[where].sum() / available[where].sum() if where.any() else np.nan
+        row |= {f"{name}_use": float(used), f"{name}_time": float(time[1] - time[0]) * where.sum()}
+    return row | {
         "effort": float(force.sum() / (planned * load.sum(axis=1)).sum()),
         "reach_low": float(np.quantile(reach, 0.05)),
         "reach_high": float(np.quantile(reach, 0.95)),
         "use_low": float((force.sum(axis=0) / available.sum(axis=0)).min()),
         "over_share": float((limit > adhesion).mean()),
-        "over_use": float(force[over].sum() / available[over].sum()) if over.any() else np.nan,
-        "over_time": float(time[1] - time[0]) * float(over.sum()),
     }
 
 
@@ -191,15 +218,15 @@ def measure(found: xr.Dataset) -> Row:
 
 REACHED = 99.0
 """Effort [% of the plan] that counts as the plan: a hundredth is what a driver could notice in a timetable."""
-ABOUT_BOUND, ABOUT_95 = 90.0, 92.0
+ABOUT_BOUND, ABOUT_95, QUIET = 90.0, 92.0, 95.0
 """Adhesion used [%] about at the bound, a tenth below it, and where the patent says about 95 %: readhesion controllers
-differ by three points."""
+differ by three points; and where it says more than 95 %."""
 LEAST_TIME, UNFIT = 1.0, 0.05
 """Unit seconds under a limit too high that say anything of it; share of them from which the preset does not fit the rail."""
 
 
 def claims_of(own: pd.DataFrame) -> list[Claim]:
-    """The five claims about a rule, over events that have its numbers and those of `OTHERS`.
+    """The five claims about a rule, and what par. 0059 adds to (c), over events that have its numbers and those of `OTHERS`.
 
     Case A: adhesion allows the train less than the plan for 95 % of the time; case B: it allows the plan for as long.
     """
@@ -246,18 +273,22 @@ def claims_of(own: pd.DataFrame) -> list[Claim]:
               100.0 * less("effort", "preset", unfit), least=0.0, digits=1,
               parts=parts | {"case A": case_a, "case B": case_b},
               besides=[Claim("", "slip [axle s]", slip, most=0.0, digits=1)]),
+        Claim("c, no slip", "more than 95 % where no slip is detected: use under such caps [%]",
+              100.0 * own["quiet_use"].where(own["quiet_time"] >= LEAST_TIME), least=QUIET, parts=parts, digits=1),
     ]  # fmt: skip
 
 
 def statements(rows: pd.DataFrame) -> list[Statement]:
-    """One per claim, layer and controller, a family of fifty; and one per deviation and controller, a family of six."""
+    """One per claim, layer and controller, a family of fifty; one per deviation and controller, of six; and a third of
+    what par. 0059 adds to (c), and of (a) by setting."""
     good, drawn = complete(rows), tuple(draw(0, 0))
-    claims = []
-    for law in CONTROLLERS:
-        for rule in LAYERS:
-            of_rule = claims_of(paired(good, law, rule, OTHERS, drawn))
-            claims += [one._replace(name=f"{one.name}: {rule} under {law}") for one in of_rule]
-    return judge(claims) + judge(deviations(AS_PRINTED, partial(paired, good)))
+    claims, others = [], []
+    for law, rule in product(CONTROLLERS, (*LAYERS, *SETTINGS)):
+        of_rule = claims_of(paired(good, law, rule, OTHERS, drawn))
+        of_rule = [one._replace(name=f"{one.name}: {rule} under {law}") for one in of_rule]
+        claims += of_rule[:5] if rule in LAYERS else []
+        others.append(of_rule[5 if rule in LAYERS else 0])
+    return judge(claims) + judge(deviations(AS_PRINTED, partial(paired, good))) + judge(others)
 
 
 Pair = Callable[[str, str, Iterable[str]], pd.DataFrame]
@@ -309,15 +340,17 @@ def table_of(
     return pd.DataFrame(lines)
 
 
-def compared(rules: Sequence[str], printed: e.Arms) -> dict[str, Sequence[str]]:
-    """What rules and deviations are compared with -> these."""
-    return {"": rules[:1], rules[0]: rules[1:], CORRECTED: (*printed, PRINTED)}
+def compared(rules: Sequence[str], changed: Mapping[str, e.Arms]) -> dict[str, Sequence[str]]:
+    """What rules and arms are compared with -> these; as printed the patent is an arm of the corrected one."""
+    others = {one: (*own, PRINTED) if one == CORRECTED else (*own,) for one, own in changed.items()}
+    return {"": rules[:1], rules[0]: rules[1:]} | others
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Each rule, and what it adds to `alone`; each deviation taken back, and what it adds to the corrected patent."""
+    """Each rule, and what it adds to `alone`; each deviation taken back, and what it adds to the corrected patent; each
+    setting, and what it adds to the patent as printed."""
     pair = partial(paired, complete(rows))
-    return table_of(compared(COMPARED, AS_PRINTED), pair, OWN, LESS)
+    return table_of(compared(COMPARED, ARMS), pair, OWN, LESS)
 
 
 def figure(rows: pd.DataFrame) -> Figure:

@@ -21,11 +21,11 @@ from scipy.stats import norm
 from alloc.event import Event
 from alloc.laws import speed_law
 from alloc.metrics import METRICS
-from alloc.rail import GROWTH_SLOPE, SPEED_LAWS, logarithmic_increments
+from alloc.rail import SPEED_LAWS, logarithmic_increments
 from alloc.rules import RULES
 from alloc.simulation import simulate
 from alloc.train_rows import rows_of
-from studies.core import Cell, Row, Study, StudyError
+from studies.core import WIDE, Cell, Row, Study, StudyError
 from studies.scenario import Scenario, load
 from studies.statistics import Claim, Numbers, Statement, judge, means
 
@@ -35,7 +35,7 @@ Counts = NDArray[np.int64]
 # From slides per axle to increments.
 
 SIGMA, LEAD = 0.012, 4
-"""Standard deviation of measured coefficients about the planned one, par. 0055; axles of the lead car, whose mean counts."""
+"""Standard deviation of measured coefficients about the planned one, par. 0054; axles of the lead car, whose mean counts."""
 
 
 def planned(speed: Floats) -> Floats:
@@ -299,40 +299,17 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def figure(rows: pd.DataFrame) -> Figure:
-    """Figs. 10 to 13, and the error that learning leaves of increments that were stored too high."""
-    drawn = Figure(figsize=(7.16, 4.0), layout="constrained")
-    (ten, eleven, twelve), (thirteen, *learning) = drawn.subplots(2, 3)
-    g, speed = np.random.default_rng(1), np.linspace(20.0, 280.0, 100)
-    at = g.uniform(30.0, 270.0, 200)
-    ten.plot(at, planned(at / 3.6) + SIGMA * g.standard_normal(200), ".", ms=2, label="drawn")
-    ten.plot(speed, planned(speed / 3.6), "k", label="(12)")
-    counts, j = drawn_counts(64, 500), np.arange(1, 65)
-    eleven.bar(j, counts, width=1.0)
-    shift, covariance = axle_shifts(counts)
-    slope, error = fit(shift, covariance)
-    twelve.errorbar(j, shift, np.sqrt(np.diag(covariance)), fmt=".", ms=3, lw=0.5)
-    fitted = slope * (np.log(j) - np.log(j[:LEAD]).mean())
-    twelve.plot(j, fitted, label=f"{slope:.4f} ± {error:.4f} per ln j")
-    twelve.plot(j, logarithmic_increments(64), "k--", label=f"(15), {GROWTH_SLOPE}")
-    for group, marker in (("1C4M", "s"), ("1C2M", "^"), ("1C1M", ".")):
-        train = load("wet-start").changed(inverter_group=group).event().train
-        of_axle = rows_of(train).axles.unit
-        found = unit_increments(logarithmic_increments(of_axle.size), of_axle)
-        middle = [np.flatnonzero(of_axle == unit).mean() + 1.0 for unit in range(found.size)]
-        thirteen.plot(middle, found, marker, label=group)
+    """The error that learning leaves of increments that were stored too high."""
+    drawn = Figure(figsize=(WIDE, 2.2), layout="constrained")
     high = rows[(rows["status"] == "ok") & (rows["at_first"] == "too high")]
-    for axes, rail in zip(learning, RAILS, strict=True):
+    panels = drawn.subplots(1, 2, sharey=True)
+    for axes, rail in zip(panels, RAILS, strict=True):
         for arm in LEARNING:
             own = high[(high["rail"] == rail) & (high["arm"] == arm)]
             axes.plot(own.groupby("station")["error"].mean(), label=arm.replace("_", ", "))
-        axes.set(xlabel="station", ylabel="largest error [1]", title=f"{rail} rail")
-        axes.set_ylim(0.0, None)
-    ten.set(xlabel="speed [km/h]", ylabel="coefficient [1]", title="Fig. 10")
-    eleven.set(xlabel="axle", ylabel="slides", title="Fig. 11, drawn from (14), (15)")
-    twelve.set(xlabel="axle", ylabel="k σ [1]", title="Fig. 12")
-    thirteen.set(xlabel="axle", ylabel="increment over unit 1 [1]", title="Fig. 13")
-    for axes in (ten, twelve, thirteen, learning[1]):
-        axes.legend()
+        axes.set(xlabel="station", title=f"{rail} rail", ylim=(0.0, None))
+    panels[0].set_ylabel("largest error [1]")
+    panels[1].legend()
     return drawn
 
 

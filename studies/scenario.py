@@ -106,7 +106,11 @@ class Curve(Keys):
             return CURVES[self.kind](**self._given())
 
 
-_Rail: Any = keys_of(plant.Rail, "patches", "scatter", "scatter_length", "conditioning")
+# fmt: off
+_Rail: Any = keys_of(
+    plant.Rail, "rear_speed_law", "rear_axles", "patches", "scatter", "scatter_length", "conditioning", "conditioning_slip",
+)
+# fmt: on
 
 
 class RailKeys(_Rail):
@@ -237,6 +241,8 @@ _Equipment: Any = keys_of(
     "reference.source",
     "reference.radii_compared",
     "hold_time",
+    "rise_time",
+    "period",
     "limit_rate",
     "inertia_in_limit",
 )

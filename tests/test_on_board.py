@@ -8,7 +8,9 @@ import pytest
 
 from alloc.columns import AXLE, BRAKE, CAR, NEVER, ONBOARD, PLANT, RUN, SLIDE, UNIT
 from alloc.onboard import beliefs, sensing, slide, speed, targets, telegrams
+from alloc.simulation import Simulation
 from alloc.tables import words
+from studies.scenario import load
 
 H = 0.01
 COMPILED = {
@@ -59,7 +61,7 @@ def board(seed=0, **run):
         "run": unequal(RUN, 1, rng, **now | speeds | run)[0], "slide": unequal(SLIDE, 1, rng, protection=2)[0],
         "said": said, "orders": said, "told": sent, "heard": sent, "y": np.array(y), "noise": 0.01 * rng.standard_normal(6),
         "effort": table, "retard": 0.9 * table, "omega": 2, "torque": 8, "k": 40, "tick": 40, "j": 1, "always": True,
-        "asked": False, "instant": 0.3, "span": 0.2, "time": 9.5, "force": 1e4, "lead": -0.02, "speed": 20.0, "turning": 0.1,
+        "asked": False, "instant": 0.3, "span": 0.2, "time": 9.5, "force": 1e4, "lead": -0.02, "rolling": 0.01, "sure": True, "speed": 20.0, "turning": 0.1,
         "bound": 900.0, "full": 1500.0,
     }  # fmt: skip
 
@@ -176,13 +178,27 @@ def test_the_filter_finds_speed_and_the_force_that_nothing_explains(sign):
     for k in range(6000):
         true, before = 20.0 + sign * 0.3 * (k + 1) * H, run.reference_speed
         force = sign * 0.3e5 + 1000.0 + 2.0 * true**2 - 0.04e5  # 0.04 m/s2 more than is known of
-        speed.estimate_speed(run, onboard, force, sign * (true - before))
+        ahead = sign * (true - before)
+        speed.estimate_speed(AXLE.rows(1), run, onboard, force, ahead, ahead, False)
     assert (run.reference_speed, run.unknown) == pytest.approx((true, 0.04), abs=2e-3)
     known = run.reference_deviation
     for _ in range(300):  # all slip: the balance carries the speed on, and it is known ever less
-        speed.estimate_speed(run, onboard, force, 5.0)
+        speed.estimate_speed(AXLE.rows(1), run, onboard, force, 5.0, math.inf, False)
     assert run.reference_speed == pytest.approx(true + sign * 0.9, abs=0.02)
     assert run.reference_deviation == math.sqrt(run.p_vv) > 1.2 * known
+
+
+@pytest.mark.parametrize("level", [0.08, 0.5])
+def test_a_locomotive_is_eased_where_all_its_wheels_creep_and_knows_its_speed(level):
+    scenario = load("freight-start")
+    rail = scenario.rail.model_dump(mode="json") | {"level": level, "patches": []}
+    run = Simulation(
+        scenario.changed(rail=rail, duration_s=8.0).event(), "alone", "perturb-observe"
+    )
+    run.go_on()
+    assert (run.world.run[0].easing < 1e3) == (level < 0.1)
+    found = run.recorded()
+    assert float(abs(found.reference_speed - found.car_speed[:, 0]).max()) < 0.3
 
 
 @pytest.mark.parametrize("reached", [0.0, 0.4, 1.0])

@@ -96,20 +96,41 @@ def test_links_lead_somewhere(page):
             assert not anchor or anchor in anchors(path.read_text("utf-8")), target
 
 
-@pytest.mark.parametrize(
-    "source", sorted((ROOT / "docs/sources").glob("*.csv")), ids=lambda path: path.stem
-)
-def test_places_of_a_source_exist(source):
+PRINTED = {
+    "jp4209318": (5, 29, 4, 1), "jp5484215": (17, 18, 0, 3), "jph07322414": (10, 8, 0, 7),
+    "readhesion-paper": (23, 11, 2, 0), "rtri": (7, 9, 2, 0),
+}  # fmt: skip
+"""Source -> how many figures, equations, tables and claims it has."""
+NUMBERED = (r"Figs?\. ", r"\(", "Tables? ", r"cl\. ")
+
+
+@pytest.mark.parametrize("source", PRINTED)
+def test_the_table_of_a_source_has_all_and_its_places_exist(source):
     known = {"figure": all_figures(), "sweep": STUDIES, "page": os.listdir(ROOT / "docs")}
-    with source.open(encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            kind, _, name = row["where"].partition(" ")
-            if name:
-                assert name in known[kind], row
-            elif "/" in kind:
-                assert (ROOT / kind).exists(), row
-            else:
-                assert kind == "-" or locate(kind) is not None, row
+    with (ROOT / f"docs/sources/{source}.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        kind, _, name = row["where"].partition(" ")
+        if name:
+            assert name in known[kind], row
+        elif "/" in kind:
+            assert (ROOT / kind).exists(), row
+        else:
+            assert kind == "-" or locate(kind) is not None, row
+    items = "; ".join(row["item"] for row in rows).replace(") to (", " to ")
+    for kind, count in zip(NUMBERED, PRINTED[source], strict=True):
+        found = set()
+        for several in re.findall(rf"{kind}((?:\d+(?: to |, )?)+)", items):
+            for low, high in re.findall(r"(\d+)(?: to (\d+))?", several):
+                found |= set(range(int(low), int(high or low) + 1))
+        assert found >= set(range(1, count + 1)), kind
+
+
+def test_the_page_of_figures_has_all_of_each_source():
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", PAGES["docs/figures.md"], re.MULTILINE))
+    for source in {one.source for one in all_figures().values()} - {""}:
+        own = {name for name, one in all_figures().items() if one.source == source}
+        assert set(re.findall(r"`([\w-]+)`", rows[source])) == own
 
 
 SHIPPED, STARTS, BROAD, CLAIMS = "compare-table", "ladder-table", "broad-table", "claims-statements"

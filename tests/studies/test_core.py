@@ -7,6 +7,7 @@ import sys
 import textwrap
 import threading
 import time
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -44,7 +45,11 @@ def script(tmp_path):
     def start(pause, jobs, folder=tmp_path / "rows"):
         environment = os.environ | {"PYTHONPATH": str(ROOT)}
         arguments = [sys.executable, str(path), str(folder), str(pause), str(CELLS), str(jobs)]
-        return subprocess.Popen(arguments, env=environment, stderr=subprocess.DEVNULL)
+        # a shell's background jobs ignore what Ctrl-C sends
+        heeds = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+        return subprocess.Popen(
+            arguments, env=environment, stderr=subprocess.DEVNULL, preexec_fn=heeds
+        )
 
     return start
 

@@ -5,8 +5,10 @@ import pytest
 
 from alloc.estimation.wheel_damage import wheel_damage
 from alloc.metrics import damage, distance
+from alloc.simulation import simulate
 from studies.core import run_study
 from studies.jp4209318 import CALIBRATED, STEP, STUDY, TABLE_3, TABLE_4, cells, laws, stop, train
+from studies.scenario import load
 
 
 def test_the_train_is_that_of_table_2():
@@ -29,6 +31,12 @@ def test_q_is_the_work_of_the_rail_on_sliding_wheels_and_0_without_slide():
 @pytest.fixture(scope="module")
 def run():
     return stop(CALIBRATED, 3, CALIBRATED.protection())
+
+
+def test_the_shipped_scenario_is_the_stop_of_the_calibrated_set(run):
+    shipped = simulate(load("jp4209318-stop").event(), "alone", "none")
+    assert distance(shipped) == pytest.approx(distance(run), abs=1e-6)
+    assert damage(shipped) == pytest.approx(damage(run), rel=1e-9)
 
 
 def test_both_forms_of_the_motion_the_balance_and_q_hold_in_a_record(run):

@@ -27,6 +27,15 @@ def test_printed_numbers():
     assert curve.micro_slope**2 / (4.0 * curve.top_curvature) == paper.VERY_SLIPPERY
 
 
+@pytest.mark.parametrize("unit", IN_USE)
+def test_the_start_passes_the_filter_too(unit):
+    """2.3: the filter of T_u is behind the product of the driver's torque and the factor."""
+    given, time = IN_USE[unit], np.array([1.0, 4.0])
+    command = paper.drive(given, paper.CASE_A, step=MEMBER_STEP).command
+    expected = PLAN * -np.expm1(-time / given.rise)
+    np.testing.assert_allclose(command[(time / paper.RECORD).astype(int)], expected, rtol=1e-3)
+
+
 def test_readhesion_is_possible_where_the_cycle_at_14_s_crosses_the_peak():
     swing = 1.0 + 0.5 * sawtooth(2.0 * np.pi * TIME / 0.65)
     assert paper.possible(made(swing, PLAN * swing))

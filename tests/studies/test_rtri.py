@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from alloc.estimation.brake_force import car_brake_forces, coupler_force_between
+from alloc.simulation import simulate
 from studies.core import run_study
 from studies.rtri import (
     CUT_OUT,
@@ -16,6 +17,7 @@ from studies.rtri import (
     statements,
     train_of,
 )
+from studies.scenario import load
 
 
 def test_forces_and_couplers_follow_from_each_other_without_relative_motion():
@@ -53,6 +55,26 @@ def test_own_accelerations_give_the_force_at_every_instant(name):
     assert np.abs(e.wagons - exact.wagons())[inner].max() > 20e3  # (5): one acceleration for all
     lost = exact.acceleration @ exact.mass + (exact.truth + exact.resistance).sum(axis=1)
     assert np.abs(lost[inner]).max() < 100.0  # (1): couplers cancel in the sum
+
+
+@pytest.mark.parametrize(
+    ("name", "locomotive", "wagons"),
+    [("rtri-locomotive", 60e3, 0.0), ("rtri-all", 60e3, 174e3), ("rtri-emergency", 85e3, 884e3)],
+)
+def test_couplers_and_accelerations_of_the_shipped_scenarios_give_the_forces(
+    name, locomotive, wagons
+):
+    run = simulate(load(name).event(), "alone", "none")
+    braked = (run["speed"] < 0.5 * run["speed"][0]) & (run["speed"] > 2.0)
+    run = run.isel(time=braked.values)
+    of_car = run["axle_car"].values[:, None] == np.arange(run.sizes["car"])
+    mass = run["car_mass"].values + run["axle_turning_mass"].values @ of_car
+    kinetics = run["car_acceleration"].values, run["coupler_force"].values
+    found = car_brake_forces(*kinetics, mass).mean(axis=0)  # (2)
+    truth = (run["brake_force"].values @ of_car).mean(axis=0)
+    assert (np.abs(found - truth) < 0.03 * mass).all()  # running resistance is left
+    assert truth[0] == pytest.approx(locomotive, rel=0.05)  # 3.2.2: about 60 kN
+    assert truth[1:].sum() == pytest.approx(wagons, rel=0.05)
 
 
 def test_more_events_add_cells_and_change_none():
