@@ -97,7 +97,6 @@ def exchanged() -> dict[str, Controller]:
             own, name="inverts", control=inversion
         ),
         "horizon of 2": own.tuned(horizon=2),
-        "horizon of 5": own.tuned(horizon=5),
         "no swing": own.tuned(swing=1e-6, loud=0.0),
     }
 
