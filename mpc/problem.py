@@ -181,7 +181,8 @@ def slip_rate(slip: Any, torque: Any, unit: Any, curve: str) -> Any:
 def one_step(curve: str) -> Any:
     """(slip, torque, command, period, row of `BELIEVED`) of one unit -> slip, torque a period on.
 
-    The lag is exact; the slip follows the mean torque by exponential Euler steps, which are exact on a line.
+    The lag is exact. The slip follows the mean torque by exponential Euler steps, which are exact on a line (Hochbruck and
+    Ostermann, Acta Numerica 19 (2010) 209-286).
     """
     import casadi as cs
 
@@ -232,8 +233,9 @@ def build(m: int, n: int, curve: str, couplers: int, solver: str) -> Any:
         opti.parameter(1 + len(Weights._fields)),
     )
     tension = opti.parameter(couplers, m if couplers else 0)
-    unit, (period, *prices) = named(rows), cs.vertsplit(numbers)
-    w, share = Weights(*prices), unit.share.T
+    parts: Any = cs.vertsplit(numbers)
+    unit, period, w = named(rows), parts[0], Weights(*parts[1:])
+    share = unit.share.T
     scale, step = torque_scale(unit).T, one_step(curve).map(m)
     slip, torque, before, cost, slips = unit.slip, unit.torque, unit.before.T / scale, 0.0, []
     for k in range(n):

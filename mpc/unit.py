@@ -6,6 +6,7 @@ Registered as "mpc"; "mpc-opti" is the same with CasADi's solver, for reading an
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ STEPS, LATEST = 30, 10
 """Room for the longest horizon, and for the longest delay of computing, in control periods."""
 ASSUMED, TUNED = "assumed", "tuned on 24 events of another seed than those that judge it"
 OF_EACH, OF_STEPS = (0.0,) * AXLES, (0.0,) * STEPS
+SQUARE: Any = (OF_STEPS,) * STEPS
 FALLBACK = tuple(CONTROLLERS["cut-and-ramp"].rows(1)[0].tolist())
 
 MPC = Table(
@@ -76,7 +78,7 @@ MPC = Table(
     slope=Column(OF_STEPS, ONE, "room: first derivatives of the cost"),
     step=Column(OF_STEPS, ONE, "room: Newton's step"),
     tried=Column(OF_STEPS, ONE, "room: torques that are tried"),
-    hessian=Column((OF_STEPS,) * STEPS, ONE, "room: second derivatives of the cost"),
+    hessian=Column(SQUARE, ONE, "room: second derivatives of the cost"),
 )
 ROW, PROBLEM_ROW = MPC.dtype, BELIEVED.dtype
 
@@ -167,7 +169,7 @@ def command(unit, axles, m, solved, run):
     unit.torque_command = min(due, bound(unit, run)) if due > 0.0 else 0.0
 
 
-BOUNDS = {"horizon": (1, STEPS), "late": (0, LATEST)}
+BOUNDS: dict[str, tuple[float, float]] = {"horizon": (1, STEPS), "late": (0, LATEST)}
 BOUNDS |= dict.fromkeys(
     ("change_weight", "slip_weight", "margin", "price", "loud"), (0.0, math.inf)
 )
