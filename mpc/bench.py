@@ -1,7 +1,7 @@
 """Where the lead of the MPC comes from: its parts exchanged one by one, and differences over the same events.
 
 `exchanged()` has search and horizon of "mpc" and of "perturb-observe" in every pairing, and less of each. The tables of
-docs/mpc.md are `differences([event(63, k).event(0) for k in range(60)], ...)` with `studies.broad.event`.
+docs/mpc.md are `differences([event(63, k).event(0) for k in range(100)], ...)` with `studies.broad.event`.
 """
 
 import math
@@ -26,6 +26,7 @@ from mpc.unit import MPC, PROBLEM_ROW, command, pose
 MEASURES = {
     "adhesion used [points]": ("bound_use", 100.0),
     "wheel damage Q [kJ]": ("damage", 1e-3),
+    "torque fluctuation [% of plan]": ("torque_fluctuation", 100.0),
     "jerk [m/s3]": ("jerk_rms", 1.0),
 }
 """Columns of a table of differences: metric and factor."""
