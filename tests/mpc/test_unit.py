@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.onboard.controllers import CONTROLLERS
+from mpc.problem import BELIEVED
 from mpc.unit import AXLES, MPC, mpc
 from tests.cases import looped
 from tests.wheel import SCALE, course, drive, rows
@@ -141,3 +142,20 @@ def test_a_load_that_is_wrongly_known_does_not_move_the_slip():
         slip, mu, *_ = drive(replace(CONTROLLER, control=control), lambda t: 0.08, 0.1, 12.0)
         means.append((slip[-500:].mean(), mu[-500:].mean()))
     assert np.ptp(np.array(means), axis=0) / means[1] == pytest.approx(0.0, abs=0.02)
+
+
+@looped("sign", (1.0, -1.0))
+def test_braking_is_posed_as_pulling_mirrored(sign):
+    unit, axles, run = rows(sign)
+    memory, unit.air, unit.torque_target = CONTROLLER.rows(1)[0], 3e3, 0.15 * SCALE
+    unit.drive_limit, unit.brake_limit = (np.array([0.1, 0.2]) * SCALE)[:: int(sign)]
+    for k in range(50):
+        unit.motor_torque, run.reference_speed = 0.08 * SCALE, sign * 0.01 * k
+        axles.reading[0] = sign * (0.01 * k + 0.1)
+        CONTROLLER.control(unit, axles, memory, run)
+    b = memory.view(MPC.dtype)[0].problem.view(BELIEVED.dtype)[0]
+    turning = unit.inertia / unit.radius**2 / unit.load
+    assert b.upper == pytest.approx(0.1 * SCALE)
+    assert b.slip == pytest.approx(0.1)
+    assert b.acceleration == pytest.approx(1.0, rel=0.1)
+    assert b.coefficient == pytest.approx(0.08 - turning + 3e3 / unit.load, rel=1e-3)
