@@ -77,7 +77,8 @@ def visit_math(writer: Any, node: nodes.math | nodes.math_block) -> None:
 
 def list_quantities(app: Sphinx, page: str, source: list[str]) -> None:
     """Add the columns of all tables, and of the controllers' memories, to the page of quantities."""
-    for table in (*TABLES, *(one.memory for one in CONTROLLERS.values() if one.memory.columns)):
+    memories = (one.memory for one in CONTROLLERS.values() if one.memory.columns)
+    for table in dict.fromkeys((*TABLES, *memories)):  # controllers may share one
         if page == "quantities":
             rows = [
                 f"| `{key}` | {one.unit} | {one.meaning} | {'yes' if one.recorded else ''} | {one.source} |"

@@ -40,7 +40,8 @@ def served(rule, controller):
         law=getattr(rule.law, "py_func", rule.law),
         belief=rule.belief._replace(function=rule.belief.function.py_func),
     )
-    return plain, replace(controller, control=controller.control.py_func)
+    control = getattr(controller.control, "py_func", controller.control)
+    return plain, replace(controller, control=control)
 
 
 PAIRS = [(rule, "perturb-observe") for rule in RULES] + [

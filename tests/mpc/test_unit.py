@@ -1,68 +1,17 @@
-"""The unit's MPC: its problem is solved, its belief is right, and what it commands is bounded."""
+"""The unit's MPC: its belief is right, its search hears the curve, and what it commands is bounded."""
 
-import daqp
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from alloc.onboard.controllers import CONTROLLERS
-from mpc.unit import AXLES, MPC, STEPS, plan
+from mpc.problem import BELIEVED
+from mpc.unit import AXLES, MPC, mpc
 from tests.cases import looped
-from tests.wheel import SCALE, drive, rows
+from tests.wheel import SCALE, course, drive, rows
 
 CONTROLLER = CONTROLLERS["mpc"]
-
-
-def problems(count, seed):
-    """Random problems as `plan` takes them, without the torques that it begins with; the slip limit acts in most."""
-    rng = np.random.default_rng(seed)
-    for _ in range(count):
-        n = int(rng.integers(1, STEPS + 1))
-        free = np.cumsum(rng.normal(0.0, 1.0, n)) + rng.uniform(-5.0, 5.0)
-        gain = rng.uniform(0.1, 3.0) * rng.uniform(0.4, 1.0) ** np.arange(n)
-        before, upper = rng.uniform(0.0, 3.0, 2)
-        target, weights = upper * rng.choice([1.0, 1.5]), tuple(rng.choice([0.0, 0.3, 2.0], 2))
-        yield free, gain, rng.uniform(0.0, 5.0), before, target, upper, weights
-
-
-def solved(free, gain, limit, before, target, upper, weights):
-    torques = np.full(free.size, min(before, upper))
-    assert plan(free, gain, limit, torques, before, target, upper, weights)
-    return torques
-
-
-def matrices(free, gain):
-    """Slip over torques, and changes of torque over torques."""
-    n = free.size
-    return sum(gain[k] * np.eye(n, k=-k) for k in range(n)), np.eye(n) - np.eye(n, k=-1)
-
-
-def test_the_plan_satisfies_the_optimality_conditions():
-    for one in problems(200, 1):
-        (free, gain, limit, before, target, upper, weights), u = one, solved(*one)
-        slip, change = matrices(free, gain)
-        over, changes = np.maximum(free + slip @ u - limit, 0.0), change @ u
-        changes[0] -= before
-        slope = u - target + weights[0] * change.T @ changes + weights[1] * slip.T @ over
-        assert ((u >= 0.0) & (u <= upper)).all()
-        assert (slope[u < upper] > -1e-5).all()
-        assert (slope[u > 0.0] < 1e-5).all()
-
-
-def test_the_plan_is_that_of_an_independent_solver():
-    active = 0
-    for one in problems(200, 2):
-        (free, gain, limit, before, target, upper, weights), u = one, solved(*one)
-        (slip, change), n = matrices(free, gain), free.size
-        hessian = np.diag(np.repeat([1.0, weights[1] + 1e-9], n))
-        hessian[:n, :n] += weights[0] * change.T @ change
-        slope = np.concatenate([-target - weights[0] * before * change[0], np.zeros(n)])
-        above = np.concatenate([np.full(n, upper), np.full(n, 1e9), limit - free])
-        below = np.concatenate([np.zeros(2 * n), np.full(n, -1e9)])
-        x, _, flag, _ = daqp.solve(hessian, slope, np.hstack([slip, -np.eye(n)]), above, below)
-        assert flag == 1
-        assert u == pytest.approx(x[:n], abs=1e-4)
-        active += bool((free + slip @ u > limit).any()) and weights[1] > 0.0
-    assert active > 60
 
 
 def test_where_nothing_slips_the_torque_settles_at_the_target_and_is_never_beyond_its_limit():
@@ -117,3 +66,96 @@ def test_a_unit_that_sees_no_axle_follows_its_target():
     axles.sensed[:], unit.torque_target = 0, 0.1 * SCALE
     CONTROLLER.control(unit, axles, CONTROLLER.rows(1)[0], run)
     assert unit.torque_command == 0.1 * SCALE
+
+
+def test_casadi_solves_the_same_in_closed_loop():
+    found = [drive(CONTROLLERS[one], lambda t: 0.08, 0.1, 4.0)[:3] for one in ("mpc", "mpc-opti")]
+    assert np.array(found[0]) == pytest.approx(np.array(found[1]), rel=1e-6, abs=1e-9)
+
+
+def test_a_late_command_is_planned_for():
+    def fluctuation(late, own):
+        """Of the slip where commands come `late` periods after readings, of which the controller knows of `own`."""
+        queue = [0.0] * (late - own)
+
+        def control(unit, axles, memory, run):
+            mpc(unit, axles, memory, run)
+            queue.append(float(unit.torque_command))
+            unit.torque_command = queue.pop(0)
+
+        one = replace(CONTROLLER.tuned(late=own), control=control)
+        slip, mu, *_ = drive(one, lambda t: 0.08, 0.15, 12.0)
+        return slip[-500:].std(), mu[-500:].mean() / 0.08
+
+    known, unknown = fluctuation(5, 5), fluctuation(5, 0)
+    assert known[1] > 0.98
+    assert known[0] < 0.5 * unknown[0]
+    assert known[1] > unknown[1]
+
+
+@looped("name", ("torque", "speed", "axle", "target"))
+def test_readings_that_are_no_numbers_are_a_fault_and_leave_nothing_behind(name):
+    memory, number = CONTROLLER.rows(1)[0], np.nan
+    for k, (unit, axles, run) in enumerate(course(5, 400)):
+        healthy = float(run.reference_speed), float(unit.motor_torque), float(unit.torque_target)
+        if 100 <= k < 120:
+            axles[0].reading = number if name == "axle" else axles[0].reading
+            run.reference_speed = number if name == "speed" else healthy[0]
+            unit.motor_torque = number if name == "torque" else healthy[1]
+            unit.torque_target = number if name == "target" else healthy[2]
+        CONTROLLER.control(unit, axles, memory, run)
+        assert 0.0 <= unit.torque_command <= healthy[2]
+        run.reference_speed, unit.motor_torque, unit.torque_target = healthy
+    m = memory.view(MPC.dtype)[0]
+    assert unit.faults == (0 if name == "axle" else 20)
+    assert np.isfinite([m.noise, m.acceleration, m.sought, m.elasticity]).all()
+    assert np.isfinite(m.coefficient).all()
+    assert np.isfinite(m.torques).all()
+
+
+def test_without_a_plan_cut_and_ramp_commands():
+    unit, axles, run = rows()
+    memory, run.reference_speed, unit.torque_target = CONTROLLER.rows(1)[0], np.nan, 0.1 * SCALE
+    other = CONTROLLERS["cut-and-ramp"]
+    for k in range(300):
+        unit.slipping, unit.coefficient_estimate = int(10 <= k < 13), 0.08
+        if k == 0:
+            twin, kept = unit.copy(), other.rows(1)[0]
+        CONTROLLER.control(unit, axles, memory, run)
+        own = unit.torque_command
+        twin.slipping, twin.coefficient_estimate = unit.slipping, 0.08
+        other.control(twin, axles, kept, run)
+        assert own == twin.torque_command
+        assert k != 50 or own < 0.09 * SCALE
+    assert unit.faults == 300
+
+
+def test_a_load_that_is_wrongly_known_does_not_move_the_slip():
+    means = []
+    for wrong in (0.9, 1.0, 1.1):
+
+        def control(unit, axles, memory, run, wrong=wrong):
+            load, unit.load = float(unit.load), wrong * unit.load
+            mpc(unit, axles, memory, run)
+            unit.load = load
+
+        slip, mu, *_ = drive(replace(CONTROLLER, control=control), lambda t: 0.08, 0.1, 12.0)
+        means.append((slip[-500:].mean(), mu[-500:].mean()))
+    assert np.ptp(np.array(means), axis=0) / means[1] == pytest.approx(0.0, abs=0.02)
+
+
+@looped("sign", (1.0, -1.0))
+def test_braking_is_posed_as_pulling_mirrored(sign):
+    unit, axles, run = rows(sign)
+    memory, unit.air, unit.torque_target = CONTROLLER.rows(1)[0], 3e3, 0.15 * SCALE
+    unit.drive_limit, unit.brake_limit = (np.array([0.1, 0.2]) * SCALE)[:: int(sign)]
+    for k in range(50):
+        unit.motor_torque, run.reference_speed = 0.08 * SCALE, sign * 0.01 * k
+        axles.reading[0] = sign * (0.01 * k + 0.1)
+        CONTROLLER.control(unit, axles, memory, run)
+    b = memory.view(MPC.dtype)[0].problem.view(BELIEVED.dtype)[0]
+    turning = unit.inertia / unit.radius**2 / unit.load
+    assert b.upper == pytest.approx(0.1 * SCALE)
+    assert b.slip == pytest.approx(0.1)
+    assert b.acceleration == pytest.approx(1.0, rel=0.1)
+    assert b.coefficient == pytest.approx(0.08 - turning + 3e3 / unit.load, rel=1e-3)

@@ -1,0 +1,131 @@
+"""Where the lead of the MPC comes from: its parts exchanged one by one, and differences over the same events.
+
+`exchanged()` has search and horizon of "mpc" and of "perturb-observe" in every pairing, and less of each. The tables of
+docs/mpc.md are `differences([event(63, k).event(0) for k in range(100)], ...)` with `studies.broad.event`.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from alloc.columns import ONE
+from alloc.event import Event
+from alloc.metrics import evaluate
+from alloc.onboard.controllers import CONTROLLERS, Controller
+from alloc.onboard.searches import CREEP_ROW, PERTURB_ROW, perturb_observe, pi_creep
+from alloc.parts import control
+from alloc.simulation import simulate
+from alloc.tables import Column, Table
+from mpc.plan import plan, torque_scale
+from mpc.unit import MPC, PROBLEM_ROW, command, pose
+
+MEASURES = {
+    "adhesion used [points]": ("bound_use", 100.0),
+    "wheel damage Q [kJ]": ("damage", 1e-3),
+    "torque fluctuation [% of plan]": ("torque_fluctuation", 100.0),
+    "jerk [m/s3]": ("jerk_rms", 1.0),
+}
+"""Columns of a table of differences: metric and factor."""
+
+
+def _beside(name: str, part: str) -> Table:
+    """The MPC's memory with that of another controller beside it."""
+    words = tuple(CONTROLLERS[part].rows(1)[0].tolist())
+    return Table(name, **MPC.columns, other=Column(words, ONE, f"memory of {part}"))
+
+
+ABOVE_PI, CLIMBS = _beside("above pi", "pi-creep"), _beside("climbs", "perturb-observe")
+ABOVE_PI_ROW, CLIMBS_ROW, MPC_ROW = ABOVE_PI.dtype, CLIMBS.dtype, MPC.dtype
+
+
+@control
+def search_above_pi(unit, axles, memory, run):
+    """The MPC's slip limit is held by the PI control that all other searches have."""
+    m = memory.view(ABOVE_PI_ROW)[0]
+    if pose(unit, axles, m, run):
+        held = m.other.view(CREEP_ROW)[0]
+        held.reference = m.problem.view(PROBLEM_ROW)[0].limit
+        pi_creep(unit, axles, m.other, run)
+    else:
+        command(unit, axles, m, False, run)
+
+
+@control
+def climbing_above_horizon(unit, axles, memory, run):
+    """The slip that perturb-observe seeks is the limit of the MPC's problem."""
+    m = memory.view(CLIMBS_ROW)[0]
+    perturb_observe(unit, axles, m.other, run)
+    sought, b = m.other.view(PERTURB_ROW)[0], m.problem.view(PROBLEM_ROW)[0]
+    solved = pose(unit, axles, m, run)
+    if solved:
+        b.limit = sought.reference
+        solved = plan(m, b, run.period)
+    command(unit, axles, m, solved, run)
+    wanted = unit.torque_target
+    sought.share = unit.torque_command / wanted if wanted > 0.0 else 1.0
+
+
+@control
+def inversion(unit, axles, memory, run):
+    """The torque at which the believed line would hold the slip limit at once: no horizon, and no feedback of the slip."""
+    m = memory.view(MPC_ROW)[0]
+    b = m.problem.view(PROBLEM_ROW)[0]
+    solved = pose(unit, axles, m, run)
+    if solved:
+        held = b.coefficient * (1.0 + b.elasticity * (b.limit - b.pair_slip) / b.pair_slip)
+        turning = b.inertia * b.acceleration / (b.radius * b.radius)
+        wanted = (held * b.load - b.air + turning) * b.radius / b.gear / torque_scale(b)
+        m.torques[0] = min(max(wanted, 0.0), b.upper / torque_scale(b))
+    command(unit, axles, m, solved, run)
+
+
+def exchanged() -> dict[str, Controller]:
+    """Controllers with parts of "mpc" and of "perturb-observe", by what they are."""
+    own = CONTROLLERS["mpc"]
+    return {
+        "perturb-observe": CONTROLLERS["perturb-observe"],
+        "climbing of perturb-observe above the horizon": replace(
+            own, name="climbs", control=climbing_above_horizon, memory=CLIMBS
+        ),
+        "own search above PI": replace(
+            own, name="above pi", control=search_above_pi, memory=ABOVE_PI
+        ),
+        "own search above the believed line, inverted": replace(
+            own, name="inverts", control=inversion
+        ),
+        "horizon of 2": own.tuned(horizon=2),
+        "no swing": own.tuned(swing=1e-6, loud=0.0),
+    }
+
+
+def differences(
+    events: Iterable[Event],
+    others: Mapping[str, Controller],
+    base: str | Controller = "mpc",
+    rule: str = "alone",
+) -> pd.DataFrame:
+    """Means of the `others` less `base` over the same events, with 95 % intervals; a row for each, a column per measure."""
+    rows: dict[str, list[list[float]]] = {name: [] for name in others}
+    for event in events:
+        own = _measured(event, rule, base)
+        for name, other in others.items():
+            rows[name].append(
+                [a - b for a, b in zip(_measured(event, rule, other), own, strict=True)]
+            )
+    told = {name: [_mean(column) for column in np.array(found).T] for name, found in rows.items()}
+    return pd.DataFrame.from_dict(told, orient="index", columns=list(MEASURES))
+
+
+def _measured(event: Event, rule: str, controller: Any) -> list[float]:
+    found = evaluate(simulate(event, rule, controller))
+    return [factor * found[name] for name, factor in MEASURES.values()]
+
+
+def _mean(values: Any) -> str:
+    known = values[np.isfinite(values)]
+    half = 1.96 * known.std(ddof=1) / math.sqrt(known.size) if known.size > 1 else math.nan
+    return f"{known.mean():+.2f} ± {half:.2f}"

@@ -1,0 +1,120 @@
+"""The fast twin of `mpc.problem.solve` for one unit whose curve is believed to be a line: a few microseconds a period.
+
+Wheelset and lag are linear then, so the slip after step k is s_k = free_k + sum over j <= k of answer_(k-j) u_j, and the
+problem is one of the torques alone. `b` is a row of `mpc.problem.BELIEVED`, `m` one of `mpc.unit.MPC`, which has weights and
+room. Torques and slips count over their scales.
+"""
+
+import math
+
+from alloc.compilation import jit
+from mpc.problem import COEFFICIENT, SLIP
+
+
+@jit
+def torque_scale(b):
+    """Torque of each motor [N m] that counts as one, as `mpc.problem.torque_scale`."""
+    return COEFFICIENT * b.load * b.radius / b.gear
+
+
+@jit
+def line(b, period):
+    """Numbers of `advance`, exact for a line: what a period keeps of slip and torque, and what it adds to the slip."""
+    slope = b.elasticity * b.coefficient / b.pair_slip
+    stiff = b.radius * b.radius * b.load / b.inertia
+    keep, left = math.exp(-stiff * slope * period), math.exp(-period / b.lag)
+    reach = (1.0 - keep) / (stiff * slope)
+    share = b.lag / period * (1.0 - left)  # weight of the torque in its mean over a step
+    push = stiff * (b.air / b.load - b.coefficient + slope * b.pair_slip) - b.acceleration
+    return keep, left, share, reach * b.radius * b.gear / b.inertia, reach * push
+
+
+@jit
+def advance(slip, torque, command, push, numbers):
+    """Slip [m/s] and torque [N m] a period on; `push`: 1, or 0 for the answer to torque alone."""
+    keep, left, share, reach, pushed = numbers
+    slip = keep * slip + reach * (share * torque + (1.0 - share) * command) + push * pushed
+    return slip, left * torque + (1.0 - left) * command
+
+
+@jit
+def plan(m, b, period):
+    """Put the torques that solve the problem into `m.torques`, from those in it on; whether they do.
+
+    Newton's method on the torques that are off their bounds; a step is projected, and halved until the cost falls.
+    """
+    n, scale, numbers = m.horizon, torque_scale(b), line(b, period)
+    slip, torque, more, held = b.slip, b.torque, 0.0, 0.0
+    for k in range(n):
+        slip, torque = advance(slip, torque, 0.0, 1.0, numbers)
+        more, held = advance(more, held, scale if k == 0 else 0.0, 0.0, numbers)
+        m.free[k], m.answer[k] = slip / SLIP, more / SLIP
+    upper, reached = b.upper / scale, look(m, b, m.torques, scale)
+    for _ in range(20):
+        steepest = 0.0
+        for k in range(n):
+            u, m.step[k] = m.torques[k], m.slope[k]
+            if (u <= 0.0 and m.slope[k] > 0.0) or (u >= upper and m.slope[k] < 0.0):
+                m.step[k] = 0.0
+                for j in range(n):
+                    m.hessian[k, j] = m.hessian[j, k] = 1.0 if j == k else 0.0
+            steepest = max(steepest, abs(m.step[k]))
+        if steepest < 1e-9:
+            return True
+        divide(m.step, m.hessian, n)
+        share, now = 1.0, math.inf
+        while not now < reached and share > 1e-4:
+            for k in range(n):
+                m.tried[k] = min(max(m.torques[k] - share * m.step[k], 0.0), upper)
+            now, share = look(m, b, m.tried, scale), 0.5 * share
+        if not now < reached:  # rounding hides the rest, or there is no way down
+            return steepest < 1e-3
+        for k in range(n):
+            m.torques[k] = m.tried[k]
+        reached = now
+    return False
+
+
+@jit
+def look(m, b, u, scale):
+    """The cost of torques `u`; half of its first and second derivatives go into `m.slope` and `m.hessian`."""
+    n, total, last = m.horizon, 0.0, b.before / scale
+    for k in range(n):
+        m.slope[k] = 0.0
+        for j in range(k + 1):
+            m.hessian[k, j] = 0.0
+        missed, change, over = u[k] - b.target / scale, u[k] - last, m.free[k] - b.limit / SLIP
+        for j in range(k + 1):
+            over += m.answer[k - j] * u[j]
+        total += missed * missed + m.change_weight * change * change
+        m.slope[k] += missed + m.change_weight * change
+        m.hessian[k, k] += 1.0 + m.change_weight
+        if k > 0:
+            m.slope[k - 1] -= m.change_weight * change
+            m.hessian[k - 1, k - 1] += m.change_weight
+            m.hessian[k, k - 1] -= m.change_weight
+        if over > 0.0:
+            total += m.slip_weight * over * over
+            for i in range(k + 1):
+                m.slope[i] += m.slip_weight * m.answer[k - i] * over
+                for j in range(i + 1):
+                    m.hessian[i, j] += m.slip_weight * m.answer[k - i] * m.answer[k - j]
+        last = u[k]
+    return total
+
+
+@jit
+def divide(x, a, n):
+    """Put the solution of a y = x into `x`, by Cholesky's factor, which replaces the lower half of `a`: no other is read."""
+    for i in range(n):
+        for j in range(i + 1):
+            for k in range(j):
+                a[i, j] -= a[i, k] * a[j, k]
+            a[i, j] = math.sqrt(a[i, i]) if i == j else a[i, j] / a[j, j]
+        for k in range(i):
+            x[i] -= a[i, k] * x[k]
+        x[i] /= a[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= a[k, i] * x[k]
+        x[i] /= a[i, i]

@@ -1,0 +1,271 @@
+"""The optimal control problem of a control period as on paper, for the m units of a train; for m = 1 it is that of "mpc".
+
+All counts positive along the demand. Unit j has a mean torque T of its motors, of which the command u is held over a period,
+and an axle with most slip s. With w the angular speed of that axle, v the train's speed, R the gear ratio:
+
+    lag dT/dt = u - T,     J dw/dt = R T - r (N mu(s) - air),     s = r w - v
+
+The curve mu(s) is believed: a line through the present pair (s^, mu^) with the elasticity e as its slope, or the rational
+curve through it with that elasticity. With c the unit's share of the mass, o the slip beyond its soft limit l, and f the
+tension of each coupler that the commands ask for::
+
+    minimise    sum over steps k of   (sum_j c_j (u_jk - target_j))^2
+                                    + sum_j c_j (w_u (u_jk - u_j,k-1)^2 + w_s o_jk^2 + w_e (u_jk - mean_k)^2)
+                                    + w_c sum f_k^2
+    subject to  0 <= u_jk <= upper_j,     s_jk <= l_j + o_jk
+
+The cost is a pure number: torques count over that of a coefficient of `COEFFICIENT`, slips over `SLIP`, tensions over the
+train's load times `COEFFICIENT`. Its first term is effort missed: units replace each other. The others are the price of
+changes of torque (ride, wear of drives), of slip (wheel damage, instability), of unevenness, of tensions.
+
+`mpc.plan` solves the same for one unit and a line without CasADi, on board; `tests/mpc/test_problem.py` holds it to this.
+CasADi is imported where a solver is built: it takes longer to import than a run takes.
+"""
+
+import io
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc import backends
+from alloc.columns import ONE
+from alloc.errors import InputError
+from alloc.tables import Column, Rows, Table
+
+Floats = NDArray[np.float64]
+COEFFICIENT, SLIP = 0.1, 0.05
+"""Scales: coefficient whose torque is one, slip that is one [m/s]."""
+
+BELIEVED = Table(
+    "unit of a problem",
+    slip=Column(0.0, "m s-1", "slip of its axle with most slip, when the plan begins"),
+    torque=Column(0.0, "N m", "torque of each motor then"),
+    before=Column(0.0, "N m", "torque commanded until then"),
+    target=Column(0.0, "N m", "torque wanted"),
+    upper=Column(0.0, "N m", "most torque that may be commanded"),
+    limit=Column(0.1, "m s-1", "slip limit l"),
+    coefficient=Column(0.1, ONE, "coefficient mu^ of the present pair"),
+    pair_slip=Column(0.1, "m s-1", "slip s^ of the present pair"),
+    elasticity=Column(0.5, ONE, "elasticity e of the curve there"),
+    air=Column(0.0, "N", "air brake force per axle"),
+    acceleration=Column(0.0, "m s-2", "acceleration dv/dt of the train"),
+    radius=Column(0.43, "m", "wheel radius r"),
+    gear=Column(7.0, ONE, "gear ratio R"),
+    load=Column(1e5, "N", "axle load N"),
+    inertia=Column(100.0, "kg m2", "inertia J of a wheelset"),
+    lag=Column(0.005, "s", "time constant of the torque"),
+    share=Column(1.0, ONE, "share c of the mass of all units"),
+)
+"""What is believed of a unit; a row of it for each unit of a problem."""
+
+
+class Weights(NamedTuple):
+    """Prices, each [1]."""
+
+    change: float = 0.3
+    """w_u of changes of torque."""
+    slip: float = 2.0
+    """w_s of slip beyond its limit."""
+    even: float = 0.0
+    """w_e of unevenness: torque beside the mean of all units."""
+    coupler: float = 0.0
+    """w_c of tensions."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The problem of a control period; raises `InputError` for what is none."""
+
+    units: Rows
+    """Rows of `BELIEVED`, (m,)."""
+    period: float = 0.01
+    """Control period [s]."""
+    horizon: int = 15
+    """Number n of steps, of a control period each."""
+    curve: str = "line"
+    """Believed curve: "line" or "rational"."""
+    weights: Weights = field(default_factory=Weights)
+    couplers: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """Tension of each coupler over the weighed torques c u of the units, (couplers, m) [1]; see `tensions`."""
+
+    def __post_init__(self) -> None:
+        if self.curve not in ("line", "rational"):
+            raise InputError(f"curve = {self.curve!r}: a problem has 'line' or 'rational'")
+        if self.horizon < 1 or not self.period > 0.0 or self.units.size < 1:
+            raise InputError(f"a problem needs a unit, a step and a period, not {self!r:.80}")
+        if len(self.couplers) and self.couplers.shape[1] != self.units.size:
+            told = f"{self.couplers.shape[1]} columns for {self.units.size} units"
+            raise InputError(f"couplers have {told}; give one per unit")
+
+
+class Plan(NamedTuple):
+    """The solution of a problem."""
+
+    torques: Floats
+    """Commands over the horizon [N m], (m, n); the first column is what is commanded now."""
+    slips: Floats
+    """Slips after each step [m/s], (m, n)."""
+    cost: float
+    """Cost [1]; nan where there is no solution."""
+    solved: bool
+    """Whether the solver says so; else torques and slips are nan."""
+
+
+def solve(problem: Problem, solver: str = "daqp") -> Plan:
+    """Solve a problem by a solver of `SOLVERS`.
+
+    The solver of a shape (units, steps, curve, couplers) is built once and kept. Ctrl-C ends the program after the solve.
+    Raises `InputError` for an unknown solver, and for a rational curve, which makes no QP, with one of QPs.
+    """
+    m, n, couplers = problem.units.size, problem.horizon, len(problem.couplers)
+    if solver not in SOLVERS or (problem.curve == "rational" and solver != "ipopt"):
+        known = "ipopt" if problem.curve == "rational" else ", ".join(SOLVERS)
+        raise InputError(f"solver = {solver!r} for curve {problem.curve!r}: give one of {known}")
+    function = build(m, n, problem.curve, couplers, solver)
+    given = np.array(problem.units.tolist(), dtype=float).reshape(m, -1).T
+    numbers = [problem.period, *problem.weights]
+    # of a solver that fails CasADi would print all it was given
+    with interrupted_afterwards(), redirect_stderr(io.StringIO()):
+        try:
+            u, s, cost = function(given, numbers, problem.couplers)
+        except RuntimeError:  # CasADi's answer to a solver that fails
+            nothing = np.full((m, n), np.nan)
+            return Plan(nothing, nothing, np.nan, False)
+        torque, slip = np.asarray(u) * torque_scale(problem.units)[:, None], np.asarray(s) * SLIP
+    return Plan(torque, slip, float(cost), bool(np.isfinite(torque).all()))
+
+
+def torque_scale(units: Any) -> Any:
+    """Torque of each motor [N m] that counts as one."""
+    return COEFFICIENT * units.load * units.radius / units.gear
+
+
+def tensions(car_of_unit: Any, masses: Any) -> Floats:
+    """`Problem.couplers`, (cars - 1, m), of a train of cars with these `masses` (cars,) [kg]; `car_of_unit` (m,).
+
+    The force of the units ahead of a coupler, less what the cars ahead take of all: a train without elasticity.
+    """
+    ahead = np.arange(len(masses) - 1)[:, None]
+    pulled = np.cumsum(masses)[:-1, None] / np.sum(masses)
+    return np.asarray((np.asarray(car_of_unit)[None, :] <= ahead) - pulled, dtype=float)
+
+
+# The plant as believed
+
+
+def coefficient(slip: Any, unit: Any, curve: str) -> Any:
+    """Believed coefficient [1] at a `slip` [m/s]."""
+    if curve == "line":
+        return unit.coefficient * (1.0 + unit.elasticity * (slip - unit.pair_slip) / unit.pair_slip)
+    # of 2 x / (1 + x^2) the elasticity is (1 - x^2) / (1 + x^2)
+    x = backends.symbolic.sqrt((1.0 - unit.elasticity) / (1.0 + unit.elasticity))
+    peak = unit.coefficient * (1.0 + x * x) / (2.0 * x)
+    return backends.symbolic.rational_coefficient(slip, peak, unit.pair_slip / x, 2.0)
+
+
+def slip_rate(slip: Any, torque: Any, unit: Any, curve: str) -> Any:
+    """ds/dt [m/s2] under a `torque` of each motor [N m]."""
+    rail = unit.load * coefficient(slip, unit, curve) - unit.air
+    turning = (unit.gear * torque - unit.radius * rail) / unit.inertia
+    return unit.radius * turning - unit.acceleration
+
+
+@lru_cache(maxsize=4)
+def one_step(curve: str) -> Any:
+    """(slip, torque, command, period, row of `BELIEVED`) of one unit -> slip, torque a period on.
+
+    The lag is exact. The slip follows the mean torque by exponential Euler steps, which are exact on a line (Hochbruck and
+    Ostermann, Acta Numerica 19 (2010) 209-286).
+    """
+    import casadi as cs
+
+    slip, torque, command, period = (cs.SX.sym(one) for one in ("s", "T", "u", "h"))
+    row = cs.SX.sym("row", len(BELIEVED.columns))
+    unit = named(row)
+    after = command + cs.exp(-period / unit.lag) * (torque - command)
+    mean = command - unit.lag / period * (after - torque)
+    rate = slip_rate(slip, mean, unit, curve)
+    x = period * cs.jacobian(rate, slip)
+    small = cs.fabs(x) < 1e-8
+    grown = cs.if_else(small, 1.0, cs.expm1(x) / cs.if_else(small, 1.0, x))
+    return cs.Function(
+        "step", [slip, torque, command, period, row], [slip + period * grown * rate, after]
+    )
+
+
+class named:
+    """Rows of numbers or symbols (columns, m) by the columns of `BELIEVED`."""
+
+    def __init__(self, rows: Any) -> None:
+        self.__dict__ |= {key: rows[i, :] for i, key in enumerate(BELIEVED.columns)}
+
+    def __getattr__(self, key: str) -> Any:
+        raise AttributeError(key)
+
+
+# The problem
+
+
+SOLVERS: dict[str, dict[str, Any]] = {
+    "daqp": {},
+    "osqp": {"osqp": {"verbose": False, "eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000}},
+    "ipopt": {"ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-10}},
+}
+"""CasADi's names of solvers, and their options. DAQP: active set, exact; OSQP: ADMM; ipopt: interior points, any curve."""
+
+
+@lru_cache(maxsize=16)
+def build(m: int, n: int, curve: str, couplers: int, solver: str) -> Any:
+    """Function (rows of `BELIEVED` transposed, [period, weights], couplers) -> torques, slips over their scales, cost."""
+    import casadi as cs
+
+    opti = cs.Opti() if solver == "ipopt" else cs.Opti("conic")
+    u, over = opti.variable(m, n), opti.variable(m, n)
+    rows, numbers = (
+        opti.parameter(len(BELIEVED.columns), m),
+        opti.parameter(1 + len(Weights._fields)),
+    )
+    tension = opti.parameter(couplers, m if couplers else 0)
+    parts: Any = cs.vertsplit(numbers)
+    unit, period, w = named(rows), parts[0], Weights(*parts[1:])
+    share = unit.share.T
+    scale, step = torque_scale(unit).T, one_step(curve).map(m)
+    slip, torque, before, cost, slips = unit.slip, unit.torque, unit.before.T / scale, 0.0, []
+    for k in range(n):
+        slip, torque = step(slip, torque, (u[:, k] * scale).T, period, rows)
+        slips.append(slip.T / SLIP)
+        missed, change = u[:, k] - unit.target.T / scale, u[:, k] - before
+        uneven = u[:, k] - cs.dot(share, u[:, k]) / cs.sum1(share)
+        cost += cs.dot(share, missed) ** 2
+        cost += cs.dot(share, w.change * change**2 + w.slip * over[:, k] ** 2 + w.even * uneven**2)
+        if couplers:
+            cost += w.coupler * cs.sumsqr(tension @ (share * u[:, k]))
+        opti.subject_to(opti.bounded(0.0, u[:, k], unit.upper.T / scale))
+        opti.subject_to(slips[k] - over[:, k] <= unit.limit.T / SLIP)
+        before = u[:, k]
+    opti.minimize(cost)
+    opti.solver(solver, {"print_time": False, **SOLVERS[solver]})
+    return opti.to_function("problem", [rows, numbers, tension], [u, cs.horzcat(*slips), cost])
+
+
+@contextmanager
+def interrupted_afterwards() -> Iterator[None]:
+    """Ctrl-C waits for the end of a solve: CasADi takes the exception for a failure of the solver, or loses it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            signal.raise_signal(signal.SIGINT)
