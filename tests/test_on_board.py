@@ -61,8 +61,8 @@ def board(seed=0, **run):
         "run": unequal(RUN, 1, rng, **now | speeds | run)[0], "slide": unequal(SLIDE, 1, rng, protection=2)[0],
         "said": said, "orders": said, "told": sent, "heard": sent, "y": np.array(y), "noise": 0.01 * rng.standard_normal(6),
         "effort": table, "retard": 0.9 * table, "omega": 2, "torque": 8, "k": 40, "tick": 40, "j": 1, "always": True,
-        "asked": False, "instant": 0.3, "span": 0.2, "time": 9.5, "force": 1e4, "lead": -0.02, "rolling": 0.01, "sure": True, "speed": 20.0, "turning": 0.1,
-        "bound": 900.0, "full": 1500.0,
+        "asked": False, "instant": 0.3, "span": 0.2, "time": 9.5, "force": 1e4, "lead": -0.02, "speed": 20.0, "turning": 0.1,
+        "bound": 900.0, "full": 1500.0, "rolling": 0.01, "sure": True,
     }  # fmt: skip
 
 

@@ -32,6 +32,8 @@ def ease(units, onboard, run):
 
     It ends once the wheels have returned. Blended brakes are left alone: air would hold a slide.
     """
+    if units.size == 0:
+        return
     run.easing += run.period
     last = units[run.eased]
     if last.eased < 1.0 and (run.easing < SHORTEST or (last.returns and run.easing < LONGEST)):

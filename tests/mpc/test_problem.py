@@ -96,7 +96,7 @@ def test_the_wheel_is_the_simulated_one():
     rate = np.zeros_like(w.state)
     derivative(
         0.0, w.state, rate, axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
-        w.own_curve, w.scatter, plant,
+        w.curve, w.scatter, plant,
     )  # fmt: skip
     unit = BELIEVED.rows(1)[0]
     unit.pair_slip, unit.elasticity = pair, (1.0 - (pair / 0.2) ** 2) / (1.0 + (pair / 0.2) ** 2)
