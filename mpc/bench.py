@@ -25,7 +25,7 @@ from mpc.unit import MPC, PROBLEM_ROW, command, pose
 
 MEASURES = {
     "adhesion used [points]": ("bound_use", 100.0),
-    "wheel damage Q [kJ]": ("damage", 1e-3),
+    "wheel damage Q [kJ]": ("damage", 1.0),
     "torque fluctuation [% of plan]": ("torque_fluctuation", 100.0),
     "jerk [m/s3]": ("jerk_rms", 1.0),
 }
