@@ -188,6 +188,15 @@ def test_the_filter_finds_speed_and_the_force_that_nothing_explains(sign):
     assert run.reference_deviation == math.sqrt(run.p_vv) > 1.2 * known
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wheel_that_contradicts_the_speed_is_believed_and_the_force_doubted(sign):
+    run = RUN.rows(1, reference_speed=2.0, sign=sign, p_dd=1e-6)[0]
+    onboard = ONBOARD.rows(1, train_mass=1e5)[0]
+    speed.estimate_speed(AXLE.rows(1), run, onboard, 0.0, -0.3, math.inf, False)
+    assert run.reference_speed == pytest.approx(2.0 - sign * 0.3, abs=0.02)
+    assert run.p_dd == pytest.approx(onboard.unknown_most**2, rel=1e-3)
+
+
 @pytest.mark.parametrize("level", [0.08, 0.5])
 def test_a_locomotive_is_eased_where_all_its_wheels_creep_and_knows_its_speed(level):
     scenario = load("freight-start")
