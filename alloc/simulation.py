@@ -189,8 +189,6 @@ def go(k, w, record):
     foresee(w.units, run)
     protect(k, w.axles, w.brakes, w.slide[0], run)
     ask_brakes(w.units, w.brakes, w.onboard[0], run)
-    for u in w.units:
-        u.applied = run.sign * u.eased * u.torque_command
     write_down_and_advance(k, w, record)
 
 

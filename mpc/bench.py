@@ -21,7 +21,7 @@ from alloc.parts import control
 from alloc.simulation import simulate
 from alloc.tables import Column, Table
 from mpc.plan import plan, torque_scale
-from mpc.unit import MPC, PROBLEM_ROW, command, pose
+from mpc.unit import MPC, PROBLEM_ROW, command, memory_of, pose
 
 MEASURES = {
     "adhesion used [points]": ("bound_use", 100.0),
@@ -34,8 +34,7 @@ MEASURES = {
 
 def _beside(name: str, part: str) -> Table:
     """The MPC's memory with that of another controller beside it."""
-    words = tuple(CONTROLLERS[part].rows(1)[0].tolist())
-    return Table(name, **MPC.columns, other=Column(words, ONE, f"memory of {part}"))
+    return Table(name, **MPC.columns, other=Column(memory_of(part), ONE, f"memory of {part}"))
 
 
 ABOVE_PI, CLIMBS = _beside("above pi", "pi-creep"), _beside("climbs", "perturb-observe")

@@ -8,13 +8,10 @@ room. Torques and slips count over their scales.
 import math
 
 from alloc.compilation import jit
-from mpc.problem import COEFFICIENT, SLIP
+from mpc import problem
+from mpc.problem import SLIP
 
-
-@jit
-def torque_scale(b):
-    """Torque of each motor [N m] that counts as one, as `mpc.problem.torque_scale`."""
-    return COEFFICIENT * b.load * b.radius / b.gear
+torque_scale = jit(problem.torque_scale)
 
 
 @jit

@@ -14,6 +14,7 @@ from alloc.columns import NAN, ONE
 from alloc.compilation import jit
 from alloc.onboard.controllers import CONTROLLERS, cut_and_ramp, register
 from alloc.onboard.searches import clip
+from alloc.onboard.sensing import LIMITING
 from alloc.parts import control
 from alloc.tables import Column, Table
 from mpc.belief import AXLES, LEAST_SLIP, observe, seek
@@ -25,7 +26,12 @@ STEPS, LATEST = 30, 10
 ASSUMED, TUNED = "assumed", "tuned on 24 events of another seed than those that judge it"
 OF_EACH, OF_STEPS = (0.0,) * AXLES, (0.0,) * STEPS
 SQUARE: Any = (OF_STEPS,) * STEPS
-FALLBACK = tuple(CONTROLLERS["cut-and-ramp"].rows(1)[0].tolist())
+
+
+def memory_of(name: str) -> tuple[float, ...]:
+    """Memory of a unit's controller at the start of a run, as the default of a column."""
+    return tuple(CONTROLLERS[name].rows(1)[0].tolist())
+
 
 MPC = Table(
     "mpc",
@@ -72,7 +78,9 @@ MPC = Table(
     given=Column(
         (0.0,) * LATEST, "N m", "commands that are still being computed, the oldest first"
     ),
-    fallback=Column(FALLBACK, ONE, "memory of cut-and-ramp, for periods without a plan"),
+    fallback=Column(
+        memory_of("cut-and-ramp"), ONE, "memory of cut-and-ramp, for periods without a plan"
+    ),
     free=Column(OF_STEPS, ONE, "room: slip without torque"),
     answer=Column(OF_STEPS, ONE, "room: answer of the slip to a torque"),
     slope=Column(OF_STEPS, ONE, "room: first derivatives of the cost"),
@@ -127,7 +135,7 @@ def pose(unit, axles, m, run):
     i = observe(unit, axles, m, run)
     if i < 0:
         return False
-    b.limit = seek(unit, m, unit.motor_torque < 0.999 * upper, run.period)
+    b.limit = seek(unit, m, unit.motor_torque < LIMITING * upper, run.period)
     b.coefficient = max(m.coefficient[i] + unit.air / unit.load, 1e-3)
     b.pair_slip = max(m.slip[i], LEAST_SLIP, m.noise)
     b.elasticity = clip(m.elasticity, m.least, 1.0)

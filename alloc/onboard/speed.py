@@ -40,7 +40,7 @@ def ease(units, onboard, run):
         return
     last.eased = 1.0
     known = run.reference_deviation < onboard.doubt or run.easing < LONGEST + PAUSE
-    if known or run.braking or onboard.true_speed:
+    if known or run.braking:
         return
     for n in range(1, units.size + 1):
         j = (run.eased + n) % units.size

@@ -99,10 +99,13 @@ def share_of_motors(u, bound, full, onboard, run):
 
 @jit
 def foresee(units, run):
-    """`unit.foreseen`, the torque that motors give a period on if they work and the line takes it; positive pulling."""
+    """What motors are commanded, `unit.applied`, and what they give a period on if they work and the line takes it,
+    `unit.foreseen`; both positive pulling.
+    """
     for u in units:
         part = 1.0 - math.exp(-run.period / u.lag)
-        u.foreseen += part * (run.sign * u.eased * u.torque_command - u.foreseen)
+        u.applied = run.sign * u.eased * u.torque_command
+        u.foreseen += part * (u.applied - u.foreseen)
 
 
 @jit
