@@ -191,7 +191,9 @@ LINE = Table(
 PLANT = Table(
     "plant",  # one row: what rail, line and integration have in common for all axles
     period=Column(0.01, "s", "control period"),
-    step=Column(0.002, "s", "integration step"),
+    step=Column(0.002, "s", "longest integration step"),
+    rate=Column(0.0, "s-1", "fastest rate of shoes, motors and couplers"),
+    contact_rate=Column(0.0, "s-1", "fastest rate of the contacts at standstill"),
     body_mass=Column(0.0, "kg", "mass of a rigid train; 0: cars move by themselves"),
     pitches=Column(0, ONE, "whether rail forces shift loads"),
     parallel=Column(0, ONE, "whether motors of a unit share a frequency"),
@@ -235,7 +237,6 @@ ONBOARD = Table(
     silence=Column(1.0, "s", "a unit that has heard nothing for so long keeps the plan"),
     true_speed=Column(0, ONE, "whether the computers are given the true speed"),
     # reference speed
-    noise=Column(0.0, "m s-1", "standard deviation of a speed reading's noise"),
     reading=Column(0.01, "m s-1", "deviation of a reading beside noise"),
     creep=Column(0.003, ONE, "deviation of a rolling wheel's slip ratio"),
     repeats=Column(30.0, ONE, "periods over which that is the same"),
@@ -273,6 +274,7 @@ RUN = Table(
     rise=Column(1.0, "s", "time in which torque rises to the plan"),
     hold=Column(5.0, "s", "time for which a detection counts", source="JP5484215 S216"),
     limit_rate=Column(INF, ONE, "largest change of a limit per answer, for rules that bound rates"),
+    noise=Column(0.0, "m s-1", "standard deviation of a speed reading's noise"),
     time=Column(0.0, "s", "time", True),
     driver_command=Column(0.0, "m s-2", "acceleration asked for on level track", True),
     planned_coefficient=Column(

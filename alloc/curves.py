@@ -27,6 +27,8 @@ from alloc.registry import Registry
 
 Floats = NDArray[np.float64]
 PIECEWISE, POLACH, SLIP_RATIO, RATIONAL, TABULATED, POLACH_BY_FRICTION = range(6)
+BY_CREEP = (POLACH, SLIP_RATIO, POLACH_BY_FRICTION)
+"""Curves over the creepage, slip over speed; the others are over the slip itself."""
 KNOTS = 16_384
 """Points of a table of one's own, at equal steps of slip / (slip + that of the peak)."""
 LARGEST = 20.0
@@ -337,6 +339,45 @@ class ExponentialDifference(ShapedCurve):
 
 
 @dataclass(frozen=True)
+class Shoulder(ShapedCurve):
+    """tanh(v / a) / (1 + f (v / b)^2 / (1 + (v / b)^1.2)): a steep rise, a broad shoulder, a slow algebraic fall.
+
+    Source: this project, as a shape that no published curve has.
+    """
+
+    rise: float = quantity(0.1, "m/s", above=0.0)
+    """Slip velocity a of the rise."""
+    width: float = quantity(0.5, "m/s", above=0.0)
+    """Slip velocity b from which it falls."""
+    fall: float = quantity(0.6, "1", above=0.0)
+    """How far it falls, f."""
+
+    def shape(self, slip: Floats) -> Floats:
+        """As in `ShapedCurve`."""
+        far = slip / self.width
+        return np.tanh(slip / self.rise) / (1.0 + self.fall * far**2 / (1.0 + far**1.2))
+
+
+@dataclass(frozen=True)
+class Burckhardt(ShapedCurve):
+    """1 - exp(-c v) - d v, down to a floor: the usual form for tyres, over the slip velocity v.
+
+    Source: Burckhardt (1993), for tyres and over the slip ratio; the values are assumed.
+    """
+
+    rise: float = quantity(20.0, "s/m", above=0.0)
+    """Exponent c of the rise."""
+    fall: float = quantity(0.3, "s/m", above=0.0)
+    """Slope d of the fall."""
+    floor: float = quantity(0.35, "1", above=0.0, most=0.999)
+    """Least share that the fall leaves."""
+
+    def shape(self, slip: Floats) -> Floats:
+        """As in `ShapedCurve`."""
+        return (1.0 - np.exp(-self.rise * slip)) * np.maximum(1.0 - self.fall * slip, self.floor)
+
+
+@dataclass(frozen=True)
 class TabulatedCurve(ShapedCurve):
     """A curve of one's own as `own_curve` makes it; equal ones have equal tables."""
 
@@ -371,6 +412,6 @@ CURVES: Registry[type[AdhesionCurve]] = Registry("adhesion curve")
 for _name, _class in {
     "piecewise": PiecewiseCurve, "polach": PolachCurve, "slip-ratio": SlipRatioCurve, "rational": RationalCurve,
     "polach-wet": PolachCurve, "polach-dry": DryPolachCurve, "polach-by-friction": CreepCurve,
-    "exponential-difference": ExponentialDifference,
+    "exponential-difference": ExponentialDifference, "shoulder": Shoulder, "burckhardt": Burckhardt,
 }.items():  # fmt: skip
     CURVES.register(_name, _class)

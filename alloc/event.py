@@ -19,7 +19,7 @@ from alloc.errors import PlantError, SimulationError
 from alloc.onboard.rows import believed_rows, onboard_rows
 from alloc.onboard.settings import Onboard
 from alloc.onboard.telegrams import leaders, telegrams
-from alloc.plant import stable_step
+from alloc.plant import find_rates
 from alloc.rail import Line, Rail, Receptivity
 from alloc.records import Record, quantity
 from alloc.tables import put
@@ -169,8 +169,8 @@ class Event(Record):
         rail.put_under(axles, plant[0])
         put(plant[0], self.receptivity, "receptivity_")
         patches, scatter, curve = PATCH.of(rail.patches), rail.scatter_ring(), rail.curve.values
-        plant.step = stable_step(axles, cars, units, brakes, patches, curve, scatter, plant[0])
-        for fault in self._size(float(plant.step[0])):
+        shortest = find_rates(axles, cars, units, brakes, patches, curve, scatter, plant[0])
+        for fault in self._size(shortest):
             raise SimulationError(f"event: {fault}")
         axles.axle_load = axles.static_load
         axles.cell = np.floor((start + axles.offset) / plant.cleaning_spacing[0])

@@ -16,7 +16,7 @@ import numpy as np
 from alloc import laws
 from alloc.backends import compiled as law
 from alloc.compilation import jit, part
-from alloc.curves import PIECEWISE, coefficient, steepest, top
+from alloc.curves import BY_CREEP, PIECEWISE, coefficient, steepest, top
 from alloc.tables import Rows
 
 FLOOR = 1e-3
@@ -352,11 +352,22 @@ def clean_rail(y, before, axles, bodies, omega, friction, span, rail, plant):
 def advance(
     t, y, stages, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, rail, plant, asked
 ):  # fmt: skip
-    """One control period from `t` on by classical Runge-Kutta steps of equal length, `plant.step` at most."""
+    """One control period from `t` on by classical Runge-Kutta steps of equal length, `plant.step` at most.
+
+    They are as short as contacts, shoes, motors and couplers need at this speed: where a curve goes by creep, which is slip
+    over speed, contacts are the stiffer the slower the train.
+    """
     stage, slope, end = stages[0], stages[1], stages[2]
     bodies, omega, _, _, friction = places(axles, cars, units, brakes, plant)
     period, cleans = plant.period, plant.conditioning > 0.0 or plant.recovered_coefficient > 0.0
+    speed = abs(y[bodies])
+    for b in range(bodies + 1, 2 * bodies):
+        speed = min(speed, abs(y[b]))
+    by_creep = plant.curve_number in BY_CREEP
+    contact = plant.contact_rate / (law.creep_speed(speed, speed) if by_creep else 1.0)
+    rate = max(plant.rate, contact)
     steps = max(1, math.ceil(period / plant.step - 1e-9))
+    steps *= max(1, math.ceil(period / steps * rate / STABLE))
     h = period / steps
     for s in range(steps):
         now = t + s * h
@@ -420,10 +431,10 @@ def true_limits(t, y, stage, axles, cars, units, brakes, patches, line, curve, s
         u.truth = max(u.truth + turning, 0.0) / (share * u.load)
 
 
-def stable_step(
+def find_rates(
     axles: Rows, cars: Rows, units: Rows, brakes: Rows, patches: Rows, curve: Any, scatter: Any, plant: Any
 ) -> float:  # fmt: skip
-    """`plant.step` [s], or a shorter even part of the period at which contacts, shoes, motors and couplers are stable."""
+    """Write the rates that bound a step, `plant.rate` and `plant.contact_rate`; the shortest step that they ask for [s]."""
     peak = axles.law_numerator / plant.law_offset + axles.law_constant
     peak = peak * np.prod(np.maximum(patches.factor, 1.0)) + np.maximum(axles.increment, 0.0)
     most = (peak.max() + 4.0 * np.std(scatter)) * (1.0 + plant.conditioning)
@@ -433,7 +444,7 @@ def stable_step(
     rigid = plant.body_mass > 0.0
     mass = np.full(1, plant.body_mass) if rigid else cars.mass
     wheel, body = axles.radius**2 / axles.inertia, np.bincount(axles.body, carried, mass.size)
-    rates = [(carried * wheel).max() + (body / mass).max()]
+    plant.contact_rate, rates = (carried * wheel).max() + (body / mass).max(), [0.0]
     if units.size:
         on_shaft = np.where(axles.unit >= 0, units.slip_torque[axles.unit] * axles.gear**2, 0.0)
         rates += [1.0 / units.lag.min(), (on_shaft / axles.inertia).max()]
@@ -444,6 +455,5 @@ def stable_step(
         inverse = (1.0 / mass[:-1] + 1.0 / mass[1:]).max()
         stiffest = (cars.stiffness + 3.0 * cars.stiffening * STROKE**2).max()
         rates += [2.0 * cars.damping.max() * inverse, math.sqrt(2.0 * stiffest * inverse)]
-    steps = math.ceil(plant.period / plant.step * (1.0 - 1e-9))
-    parts = max(1, math.ceil(plant.period / steps * max(rates) / STABLE))
-    return float(plant.period / (steps * parts))
+    plant.rate = max(rates)
+    return min(float(plant.step), STABLE / max(plant.rate, plant.contact_rate))

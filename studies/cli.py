@@ -275,6 +275,92 @@ def sweep(
 
 
 @app.command
+def benchmark(
+    *,
+    events: Count | None = None,
+    seed: Seed | None = None,
+    store: Path | None = None,
+    work: Sweep = SWEEP,
+) -> int:
+    """Run all rules and controllers on the population of the benchmark, and print the tables.
+
+    Args:
+        events: Number of events [default: 500].
+        seed: Seed of the population [default: that of the stored rows].
+        store: File for the rows that `readhesion rank` compares with (parquet).
+    """
+    from studies import benchmark as bench
+    from studies.core import markdown, write_table
+
+    _check_file(store, ".parquet")
+    folder = work.out / "benchmark"
+    rows = work.rows(bench.STUDY, folder, events, seed)
+    if rows is None:
+        return 0
+    tables = {"controllers": bench.controllers(rows), "front": bench.front(rows)}
+    for name, one in tables.items():
+        write_table(one, folder / name)
+    tables = {"table": bench.table(rows), **tables}
+    if store is not None:
+        bench.store(rows, store)
+    if work.as_json:
+        _print_json({k: json.loads(one.to_json(orient="records")) for k, one in tables.items()})
+    else:
+        print("\n".join([bench.QUESTION, "", *map(markdown, tables.values())]))
+        print(f"{_counted(rows)}, tables and figure in {folder}")
+    return 0
+
+
+@app.command
+def rank(
+    part: str,
+    *,
+    under: str = "perturb-observe",
+    events: Count | None = None,
+    work: Sweep = SWEEP,
+) -> int:
+    """Run a rule or a controller of your own on the benchmark, and print its place.
+
+    Only this part is run; the others' rows are stored.
+
+    Args:
+        part: Python file that registers rules or controllers, or the name of one.
+        under: Controller under which a rule is run: cut-and-ramp, perturb-observe or mpc.
+        events: Number of events, the first [default: all 500].
+    """
+    from studies import benchmark as bench
+    from studies.plugins import try_own_parts
+
+    if under not in bench.UNDER:
+        raise StudyError(f"--under {under}: rows are stored of {', '.join(bench.UNDER)}")
+    rows, said = bench.stored(), {}
+    for own_rule, own_law in bench.parts_of(part):
+        name, pair = own_rule or own_law, (own_rule or bench.BASE, own_law or under)
+        try_own_parts(pair[:1], pair[1:])
+        own = work.rows(bench.own_study(*pair), work.out / "rank" / name, events)
+        if own is None:
+            continue
+        if not (own["status"] == "ok").any():
+            _say(f"all runs of {name} failed: {own['reason'].iloc[0]}")
+            return FAILED
+        places, gains = bench.ranked(rows, own, *pair)
+        if work.as_json:
+            said[name] = {"places": places.to_dict("records"), "gains": gains.to_dict("records")}
+            continue
+        reference = bench.BASE if own_rule else bench.UNDER[1]
+        told = f"under {under}" if own_rule else "where units act alone"
+        print(f"{name} {told}, {_counted(own)}")
+        print("\n".join(bench.told(places, gains, name, reference)))
+        if bench.is_stale(rows):
+            _say(
+                "the stored rows are of other sources of alloc or mpc; readhesion benchmark computes them anew"
+            )
+    if work.as_json:
+        _print_json(said)
+    return 0
+
+
+@app.command
 def figures(
     *names: str,
     source: str | None = None,

@@ -72,21 +72,22 @@ def run(
 ) -> Row:
     """The row of a run: every metric, what `measure` adds, and whether rule and controller worked."""
     found = recorded(scenario, rule, controller, seed)
-    return evaluate(found) | (measure(found) if measure else {}) | _status(found)
+    return evaluate(found) | (measure(found) if measure else {}) | status(found)
 
 
 def recorded(scenario: Scenario, rule: str, controller: str, seed: int) -> xr.Dataset:
     """The recorded run."""
-    return simulate(_event(scenario, seed), rule, controller)
+    return simulate(event_of(scenario, seed), rule, controller)
 
 
 @lru_cache(maxsize=4)
-def _event(scenario: Scenario, seed: int) -> Event:
+def event_of(scenario: Scenario, seed: int) -> Event:
     """One for all rules that meet it; they are neighbours in a list of cells."""
     return scenario.event(seed)
 
 
-def _status(found: xr.Dataset) -> Row:
+def status(found: xr.Dataset) -> Row:
+    """Whether rule and controller worked in a run: nothing, or degraded with the reason."""
     for part in ("rule", "controller"):
         calls, failures = found.attrs[f"{part}_calls"], found.attrs[f"{part}_failures"]
         if failures > MOST_FAILURES * calls:

@@ -26,7 +26,7 @@ from alloc.columns import NAN, ONE
 from alloc.compilation import jit
 from alloc.errors import OnboardError
 from alloc.onboard import searches, swarms
-from alloc.onboard.searches import ASSUMED, lag_share, lasted, per_coefficient
+from alloc.onboard.searches import ASSUMED, TUNED, lag_share, lasted, per_coefficient
 from alloc.parts import control
 from alloc.registry import Registry
 from alloc.tables import Column, Table
@@ -116,7 +116,7 @@ GIVEN_UP = 3.0
 
 CUT_AND_RAMP = Table(
     "cut-and-ramp",
-    cut=Column(0.5, ONE, "torque at a detection over what the rail carried", source=ASSUMED),
+    cut=Column(0.3, ONE, "torque at a detection over what the rail carried", source=TUNED),
     recover=Column(0.9, ONE, "torque held after slip over what the rail carried", source=ASSUMED),
     hold=Column(0.1, "s", "time for which it is held", source=ASSUMED),
     ramp=Column(3.0, "s", "time in which the torque rises by the plan's", source=ASSUMED),

@@ -103,7 +103,7 @@ def onboard_rows(onboard: Onboard, rows: TrainRows, speed: float) -> tuple[Rows,
         air_commanded=int(braking.air_force == "command"), quantum=sensors.speed_quantum,
         slip_on=detector.on, slip_off=detector.off, speed_on=detector.speed_on, observer_pole=onboard.observer.pole,
         silence=telegrams.silence, true_speed=int(onboard.reference.source == "truth"),
-        noise=noise, pole=detector_pole(onboard, noise, int(rows.units.axles.min(initial=4))),
+        pole=detector_pole(onboard, noise, int(rows.units.axles.min(initial=4))),
     )  # fmt: skip
     small, medium, large = slide.fuzzy.slip
     falling, steady, growing = slide.fuzzy.rate
@@ -116,6 +116,6 @@ def onboard_rows(onboard: Onboard, rows: TrainRows, speed: float) -> tuple[Rows,
     run = RUN.rows(
         1, period=onboard.period, telegram=telegrams.period, rise=onboard.rise_time, hold=onboard.hold_time,
         limit_rate=INF if onboard.limit_rate is None else onboard.limit_rate,
-        reference_speed=speed, before=speed, speed=speed,
+        reference_speed=speed, before=speed, speed=speed, noise=noise,
     )  # fmt: skip
     return board, valves, run

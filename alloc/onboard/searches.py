@@ -14,7 +14,7 @@ from alloc.parts import control
 from alloc.tables import Column, Table
 
 ASSUMED = "assumed"
-TUNED = "tuned on events of `studies.ladder`, seed 1000"
+TUNED = "tuned by the procedure of `studies.tuning`"
 
 
 @jit
@@ -45,15 +45,14 @@ def clip(value, low, high):
 
 
 GAINS = {
-    "proportional": Column(
-        0.4, "s m-1", "coefficient over the error of slip", source="assumed: with `integral`"
-    ),
+    "proportional": Column(0.35, "s m-1", "coefficient over the error of slip", source=TUNED),
     "integral": Column(
-        8.0,
+        4.0,
         "m-1",
         "rate of the coefficient over the error of slip",
-        source="assumed: a wheelset on a flat curve then has poles at 40 1/s with damping 0.7",
+        source=TUNED,
     ),
+    "margin": Column(3.0, ONE, "least slip held over the noise of a speed reading", source=TUNED),
 }
 HELD = {
     "allowed": Column(NAN, ONE, "integral: coefficient that is allowed; nan: nothing yet"),
@@ -62,7 +61,7 @@ HELD = {
 
 CREEP = Table(
     "pi-creep",
-    reference=Column(0.085, "m s-1", "slip of the worst axle that is held", source=TUNED),
+    reference=Column(0.24, "m s-1", "slip of the worst axle that is held", source=TUNED),
     **GAINS,
     **HELD,
 )
@@ -71,12 +70,15 @@ CREEP_ROW = CREEP.dtype
 
 @jit
 def hold_slip(unit, m, reference, slip, run):
-    """PI control of `slip` to `reference` [m/s]; the integral stays within what can be commanded, so it does not wind up."""
+    """PI control of `slip` to `reference` [m/s]; the integral stays within what can be commanded, so it does not wind up.
+
+    The worst of several noisy slips is more than the slip: a reference within the noise would be none.
+    """
     scale = per_coefficient(unit)
     ceiling = unit.torque_target / scale
     if math.isnan(m.allowed):
         m.allowed = ceiling
-    error = reference - slip
+    error = max(reference, m.margin * run.noise) - slip
     m.allowed = clip(m.allowed + m.integral * error * run.period, 0.0, ceiling)
     coefficient = clip(m.allowed + m.proportional * error, 0.0, ceiling)
     # a ceiling times the scale need not be the target to the last bit
@@ -94,16 +96,14 @@ def pi_creep(unit, axles, memory, run):
 FUZZY_CREEP = Table(
     "fuzzy-creep",
     reference=Column(
-        0.085, "m s-1", "slip at which its middle set peaks, and which is held", source=TUNED
+        0.19, "m s-1", "slip at which its middle set peaks, and which is held", source=TUNED
     ),
     large=Column(0.3, "m s-1", "slip at which its highest set peaks", source=ASSUMED),
-    rate=Column(
-        1.7, "m s-2", "slip rates at which the outer sets peak, either way", source="as pi-creep"
-    ),
+    rate=Column(1.5, "m s-2", "slip rates at which the outer sets peak, either way", source=TUNED),
     change=Column(
         0.7, "s-1", "greatest rate of the coefficient that is allowed", source="as pi-creep"
     ),
-    pole=Column(40.0, "s-1", "pole of the differentiator of slip", source=ASSUMED),
+    pole=Column(27.0, "s-1", "pole of the differentiator of slip", source=TUNED),
     allowed=HELD["allowed"],
     filtered=Column(NAN, "m s-1", "slip behind the differentiator's filter"),
 )
@@ -135,7 +135,7 @@ def fuzzy_creep(unit, axles, memory, run):
 
 FIRST = {"first": Column(0.085, "m s-1", "slip that is held at first", source=TUNED), **GAINS}
 BOUNDS = {
-    "lowest": Column(0.02, "m s-1", "least slip that is held", source=ASSUMED),
+    "lowest": Column(0.03, "m s-1", "least slip that is held", source=TUNED),
     "highest": Column(0.5, "m s-1", "greatest slip that is held", source=ASSUMED),
 }
 INTERVAL = {"interval": Column(0.2, "s", "time from move to move of the slip held", source=TUNED)}
@@ -189,7 +189,7 @@ def move(m, step):
 PERTURB = Table(
     "perturb-observe",
     **SEARCH,
-    step=Column(0.01, "m s-1", "size of a move", source=TUNED),
+    step=Column(0.012, "m s-1", "size of a move", source=TUNED),
     **SEARCHED,
 )
 PERTURB_ROW = PERTURB.dtype
@@ -213,7 +213,7 @@ STEEPEST = Table(
     "steepest-gradient",
     **SEARCH | {"interval": Column(0.3, "s", INTERVAL["interval"].meaning, source=ASSUMED)},
     gain=Column(0.15, "m2 s-2", "move over the slope of the curve", source=TUNED),
-    least=Column(0.01, "m s-1", "least move", source=TUNED),
+    least=Column(0.017, "m s-1", "least move", source=TUNED),
     largest=Column(0.06, "m s-1", "largest move", source=TUNED),
     **SEARCHED,
 )

@@ -67,7 +67,7 @@ def estimate_speed(axles, run, onboard, force, lead, rolling, sure):
     run.p_vv += 2.0 * h * run.p_vd + h * h * run.p_dd + restless**2 * h
     run.p_vd += h * run.p_dd
     run.p_dd = min(run.p_dd + onboard.walk**2 * h, most**2)
-    variance = onboard.reading**2 + onboard.noise**2
+    variance = onboard.reading**2 + run.noise**2
     variance += (onboard.creep * max(abs(v), LEAST_SPEED)) ** 2
     foreseen = run.sign * (v - run.reference_speed)
     off = (lead if lead < foreseen else rolling) - foreseen

@@ -136,7 +136,12 @@ CURVE, POINT = (0.0,) * CURVES, (0.0,) * POINTS
 
 SWARM_SLIP = Table(
     "swarm-slip",
-    **SEARCH,
+    **SEARCH
+    | {
+        "first": Column(0.18, "m s-1", SEARCH["first"].meaning, source=TUNED),
+        "proportional": Column(0.4, "s m-1", SEARCH["proportional"].meaning, source=TUNED),
+        "integral": Column(8.0, "m-1", SEARCH["integral"].meaning, source=TUNED),
+    },
     largest=Column(0.02, "m s-1", "largest move", source=ASSUMED),
     **SEED,
     **SEARCHED,
