@@ -42,8 +42,14 @@ TOLD_ALIKE = {
 """Rules by what they are told of the rail: first compare those that are told alike. What ends with "-reported" is the rule
 of that name, told what `SHARING` is told."""
 SHARERS = tuple(rule for alike in TOLD_ALIKE.values() for rule in alike)
-UNDER = ("cut-and-ramp", "perturb-observe", "mpc")
-"""Controllers under which rules are compared."""
+UNDER = {
+    "cut-and-ramp": (BASE, *SHARERS, BOUND),
+    "perturb-observe": (BASE, *SHARERS, BOUND),
+    "mpc": (BASE, "uniform", "greedy", "exact", "exact-reported", SHARING, "wear", BOUND),
+}
+"""Controllers under which rules are compared, and the rules; under the MPC one of each kind, since it takes longest."""
+SEARCH = "perturb-observe"
+"""Controller with which others are compared where units act alone."""
 KNOBS: dict[str, tuple[str, tuple[float, ...]]] = {
     "table": ("margin", (0.03, 0.06, 0.22, 0.44)),
     "cut-and-ramp": ("recover", (0.6, 0.75, 0.95, 1.0)),
@@ -68,7 +74,7 @@ def cells(events: int, seed: int) -> list[Cell]:
     for k in range(events):
         one, drawn = population.event(seed, k), population.draw(seed, k)
         about = {name: drawn[name] for name in population.STRATA}
-        pairs = [(rule, law) for law in UNDER for rule in (BASE, *SHARERS, BOUND)]
+        pairs = [(rule, law) for law, rules in UNDER.items() for rule in rules]
         pairs += [(BASE, law) for law in CONTROLLERS.shipped() if law not in (*UNDER, "mpc-opti")]
         found += [_cell(one, *pair, k, **about) for pair in pairs]
         for law, (knob, values) in KNOBS.items() if k < SWEPT else ():
@@ -148,7 +154,7 @@ def used(rows: pd.DataFrame, controller: str, metric: str = "bound_use") -> pd.D
 def strata(rows: pd.DataFrame) -> "dict[str, pd.Series[bool]]":
     """Parts of the events, as truth by event: headroom, case, fleet, noise, lag, what is special."""
     first = rows.drop_duplicates("scenario").set_index("scenario")
-    room = used(rows, UNDER[1], "headroom")[BOUND].reindex(first.index)
+    room = used(rows, SEARCH, "headroom")[BOUND].reindex(first.index)
     parts = {"headroom above 1 point": room > 0.01}
     parts |= {
         f"{one}s": first["case"] == one for one in ("start", "receptive stop", "blended stop")
@@ -178,9 +184,9 @@ COSTS = {"damage": "Q over alone [kJ]", "slip_time": "slip over alone [axle s]"}
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Every rule under every controller: use of the bound, gain over `BASE` and where, worst case, costs."""
     parts, lines = {name: strata(rows)[name] for name in SHOWN}, []
-    for law in UNDER:
+    for law, rules in UNDER.items():
         found = {name: used(rows, law, name) for name in KEPT}
-        for rule in (BASE, *SHARERS, BOUND):
+        for rule in rules:
             own = found["bound_use"]
             gain = 100.0 * (own[rule] - own[BASE])
             line: Row = {"controller": law, "rule": rule, "told": _told(rule), "events": len(own)}
@@ -225,7 +231,7 @@ def controllers(rows: pd.DataFrame) -> pd.DataFrame:
     lines = []
     for law in order:
         own = 100.0 * found["bound_use"][law]
-        gain = own - 100.0 * found["bound_use"][UNDER[1]]
+        gain = own - 100.0 * found["bound_use"][SEARCH]
         line: Row = {"controller": law, "events": len(own), "used [%]": mean(own).text(1)}
         line["over perturb-observe [points]"] = mean(gain).text(2, sign=True)
         line |= _line(gain, {name: parts[name] for name in names})
@@ -267,7 +273,10 @@ def figure(rows: pd.DataFrame) -> Figure:
     for axes, law in zip(above, UNDER, strict=True):
         own = used(rows, law)
         numbers = {}
-        for rule in (*SHARERS, BOUND):
+        for rule in SHARERS:
+            if rule not in UNDER[law]:
+                numbers[rule] = []
+                continue
             gain = 100.0 * (own[rule] - own[BASE])
             numbers[rule] = [mean(gain), mean(gain[wide.reindex(gain.index)])]
         forest(axes, numbers, RULES, 0.0)
@@ -312,7 +321,7 @@ def ranked(
         over, reference = used(both, controller, "over_delivery"), BASE
     else:
         found = alone(both)
-        others, over, reference = found["bound_use"], found["over_delivery"], UNDER[1]
+        others, over, reference = found["bound_use"], found["over_delivery"], SEARCH
     good = own[own["status"] == "ok"].set_index("scenario")
     mine, name = good["bound_use"], rule if is_rule else controller
     others, over = others.reindex(mine.index).dropna(), over.reindex(mine.index)

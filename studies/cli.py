@@ -347,7 +347,7 @@ def rank(
         if work.as_json:
             said[name] = {"places": places.to_dict("records"), "gains": gains.to_dict("records")}
             continue
-        reference = bench.BASE if own_rule else bench.UNDER[1]
+        reference = bench.BASE if own_rule else bench.SEARCH
         told = f"under {under}" if own_rule else "where units act alone"
         print(f"{name} {told}, {_counted(own)}")
         print("\n".join(bench.told(places, gains, name, reference)))
