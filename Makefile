@@ -17,7 +17,7 @@ export OPENBLAS_NUM_THREADS := 1
 help:      ## list the targets
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
 
-$(STAMP): pyproject.toml constraints.txt
+$(STAMP): pyproject.toml constraints.txt readhesion.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "readhesion needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version). Try: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
@@ -63,4 +63,4 @@ types: setup         ## static types
 	$(BIN)/mypy
 
 clean:               ## remove the environment and every result
-	rm -rf $(VENV) build dist *.egg-info results figures report.html
+	rm -rf $(VENV) build dist results figures report.html
