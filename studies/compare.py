@@ -108,6 +108,8 @@ class Standing(NamedTuple):
     over: float
     tied: bool
     """Whether it cannot be told from the best of those that a train can carry out."""
+    gap: float
+    """Greatest `rule_gap` of its runs, degraded ones too."""
     mark: str
     """°: knows the rail; *: delivers too much beyond the plan; †: rule or controller failed in some run."""
 
@@ -134,7 +136,7 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
     def less(name: str, rule: str, other: str) -> Interval:
         return mean(means[name, rule] - means[name, other] if other in rules else [])
 
-    over = means["over_delivery"].mean()
+    over, gaps = means["over_delivery"].mean(), rows.groupby("rule")["rule_gap"].max()
     marks = {rule: "°" if _knows_the_rail(rule) else "*" if over[rule] > MOST_OVER else ""
              for rule in rules}  # fmt: skip
     ranked = [rule for rule in rules if not marks[rule]]
@@ -155,6 +157,7 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
             less("slip_time", rule, REFERENCE),
             float(over[rule]),
             rule in ranked and tied(rule),
+            float(gaps[rule]),
             marks[rule] + "†" * (rule in failed),
         )
         for rule in rules
@@ -168,14 +171,17 @@ def _knows_the_rail(rule: str) -> bool:
 
 
 def frame(found: Sequence[Standing]) -> pd.DataFrame:
-    """Standings as numbers: shares of the bound, kJ, axle seconds, with intervals."""
+    """Standings as numbers: shares of the bound, kJ, axle seconds, with intervals; `gap` is empty without a solver."""
     rows = []
     for one in found:
         row: Row = {"controller": one.controller, "rule": one.rule, "events": one.used.events}
         for name in ("used", "gain", "damage", "slip"):
             number: Interval = getattr(one, name)
             row |= {name: number.value, f"{name}_low": number.low, f"{name}_high": number.high}
-        rows.append(row | {"over_delivery": one.over, "tied": one.tied, "mark": one.mark})
+        gap = "" if np.isnan(one.gap) else f"{one.gap:.0e}"  # three decimals would all be zero
+        rows.append(
+            row | {"over_delivery": one.over, "tied": one.tied, "gap": gap, "mark": one.mark}
+        )
     return pd.DataFrame(rows)
 
 

@@ -70,9 +70,13 @@ def crossed(
 def run(
     scenario: Scenario, rule: str, controller: str, seed: int, measure: Measure | None = None
 ) -> Row:
-    """The row of a run: every metric, what `measure` adds, and whether rule and controller worked."""
+    """The row of a run: every metric, what `measure` adds, and whether rule and controller worked.
+
+    `rule_gap` is how far the answers of the rule's solver were from the certified ones, over the plan; nan without a solver.
+    """
     found = recorded(scenario, rule, controller, seed)
-    return evaluate(found) | (measure(found) if measure else {}) | status(found)
+    row = evaluate(found) | {"rule_gap": found.attrs["rule_gap"]}
+    return row | (measure(found) if measure else {}) | status(found)
 
 
 def recorded(scenario: Scenario, rule: str, controller: str, seed: int) -> xr.Dataset:

@@ -72,7 +72,7 @@ def test_figures_of_a_comparison():
         for rule in ("alone", "greedy", "oracle", "wear")
         for law in ("cut-and-ramp", "perturb-observe")
     )
-    for number in ("bound_use", "damage", "slip_time", "over_delivery"):
+    for number in ("bound_use", "damage", "slip_time", "over_delivery", "rule_gap"):
         rows[number] = random.uniform(0.0, 0.009, len(rows))
     rows.loc[3, "status"] = "failed"
     rows = rows.drop(index=[5, 7])

@@ -10,6 +10,7 @@ from alloc.errors import InputError
 from studies import compare
 from studies.compare import answer, as_json, grid, lines, standings, study_of
 from studies.core import run_study
+from studies.runs import run
 from studies.scenario import load
 
 RULES = ("alone", "cooperative", "greedy", "oracle")
@@ -25,7 +26,7 @@ def made(gains, events=8, seeds=2, spread=0.01, over=None):
             for rule, gain in gains.items():
                 used = level + gain + spread * generator.normal()
                 rows.append({"scenario": f"event {event}", "seed": seed, "rule": rule, "controller": "perturb-observe",
-                             "bound_use": used, "damage": 100.0 + 10.0 * used, "slip_time": 1.0,
+                             "bound_use": used, "damage": 100.0 + 10.0 * used, "slip_time": 1.0, "rule_gap": np.nan,
                              "over_delivery": (over or {}).get(rule, 0.0), "status": "ok", "reason": ""})  # fmt: skip
     return pd.DataFrame(rows)
 
@@ -102,6 +103,17 @@ def test_the_default_grid():
 def test_bad_parts(parts, words):
     with pytest.raises(InputError, match=words):
         grid(**parts)
+
+
+def test_the_gap_of_a_solver_is_the_greatest_of_its_runs():
+    event = load("wet-start").changed(duration_s=6.0)
+    solved, exact = (run(event, rule, "perturb-observe", 0) for rule in ("qp", "cooperative"))
+    assert 0.0 < solved["rule_gap"] < 1e-6  # its answers are OSQP's own, within the tolerance
+    assert np.isnan(exact["rule_gap"])
+    rows = made({"alone": 0.0, "qp": 0.05})
+    rows.loc[rows["rule"] == "qp", "rule_gap"] = [np.nan, 3e-9, *[1e-12] * 14]
+    table = compare.frame(standings(rows)).set_index("rule")
+    assert dict(table["gap"]) == {"qp": "3e-09", "alone": ""}
 
 
 def test_a_small_comparison(tmp_path):
