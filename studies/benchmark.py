@@ -272,7 +272,7 @@ def figure(rows: pd.DataFrame) -> Figure:
     wide = strata(rows)[SHOWN[0]]
     for axes, law in zip(above, UNDER, strict=True):
         own = used(rows, law)
-        numbers = {}
+        numbers: dict[str, list[Interval]] = {}
         for rule in SHARERS:
             if rule not in UNDER[law]:
                 numbers[rule] = []
