@@ -44,6 +44,7 @@ from alloc.rules import (
 from alloc.rules.testing import check_rule
 from alloc.tables import Column, Table
 from alloc.testing import check_controller, check_curve
+from studies import benchmark as _benchmark
 from studies import compare as _compare
 from studies.catalogue import find_study as _find_study
 from studies.core import StudyError as _StudyError
@@ -59,7 +60,7 @@ __all__ = [
     "BELIEFS", "CONTROLLERS", "METRICS", "RULES", "Allocation", "AllocationProblem", "Belief", "Column", "Controller",
     "DriverCommand", "Event", "InputError", "Metric", "Rule", "Scenario", "Table", "belief", "check_controller",
     "check_curve", "check_rule", "compare", "control", "convex_rule", "drive", "evaluate", "law", "load", "load_scenario",
-    "metric", "optimality", "plot", "reference_rule", "register_controller", "save", "simulate", "sweep",
+    "metric", "optimality", "plot", "rank", "reference_rule", "register_controller", "save", "simulate", "sweep",
 ]  # fmt: skip
 
 _Named = str | _Path | Scenario
@@ -159,6 +160,33 @@ def sweep(
         table = _statement_table(study.statements(rows))
         found.attrs["statements"] = table.to_dict(orient="records")
     return found
+
+
+def rank(
+    part: str,
+    under: str = "perturb-observe",
+    events: int | None = None,
+    out: str | _Path | None = None,
+    jobs: int = 1,
+) -> _pd.DataFrame:
+    """The place of a registered rule or controller of your own among all of the benchmark, over the same events.
+
+    One row per part, the best first: "used" [%], "less" [points], by how much yours is ahead, with its interval, "tied".
+    `attrs["gains"]` has the gain over `alone`, of a controller over perturb-observe, by parts of the events. `under`: the
+    controller under which a rule runs; `events`: how many, the first [default: all 500]. `out`, `jobs`: as for `compare`.
+    """
+    _check("events", events or 1, 1)
+    _check("jobs", jobs, 1)
+    if under not in _benchmark.UNDER:
+        raise _StudyError(f"under = {under!r}: rows are stored of {', '.join(_benchmark.UNDER)}")
+    ((rule, law),) = _benchmark.parts_of(str(part))
+    pair = rule or _benchmark.BASE, law or under
+    _try_own_parts(pair[:1], pair[1:])
+    with _tempfile.TemporaryDirectory() as folder:
+        own = _run_study(_benchmark.own_study(*pair), out or folder, events, jobs=jobs)
+    places, gains = _benchmark.ranked(_benchmark.stored(), own, *pair)
+    places.attrs["gains"] = gains
+    return places
 
 
 def plot(run: _xr.Dataset, path: str | _Path | None = None) -> _Any:

@@ -1,6 +1,6 @@
 """What sharing gains and what it costs, from the rows of studies.
 
-`rules` and `rule-events` show the last comparison, `headroom` its study; `ladder` and `broad` are the studies' own figures.
+`rules` and `rule-events` show the last comparison, `benchmark` that study's own figure.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,9 +15,7 @@ from matplotlib.figure import Figure
 from alloc.rules import RULES
 from paper_figs.style import WIDE, Drawing
 from studies.compare import EFFORT, REFERENCE, standings
-from studies.headroom import BASE, BOUND, CONTROLLERS, SHARERS, pairs
-from studies.runs import complete
-from studies.statistics import Interval, mean
+from studies.statistics import Interval
 
 FILLS = ("full", "left", "none")
 """How the marker of a rule is filled, by controller."""
@@ -121,36 +119,6 @@ def rule_events(rows: pd.DataFrame) -> Figure:
     return drawn
 
 
-# headroom
-
-CLASSES = {"up to 1": -np.inf, "1 to 3": 1.0, "3 to 5": 3.0, "above 5": 5.0}
-"""Words and lower bound of a class of headroom [points of the plan]."""
-
-
-def headroom(rows: pd.DataFrame) -> Figure:
-    """Gain of each rule by how much there is to gain; dashed, what there is."""
-    good = complete(rows)
-    drawn = Figure(figsize=(WIDE, 2.9), layout="constrained")
-    panels = drawn.subplots(1, len(CONTROLLERS), sharey=True)
-    bounds = [*CLASSES.values(), np.inf]
-    for axes, law in zip(panels, CONTROLLERS, strict=True):
-        for j, rule in enumerate((*SHARERS, BOUND)):
-            own = pairs(good, law, rule)
-            parts = own.groupby(pd.cut(own["room"], bounds, labels=False))
-            for k, part in parts:
-                _mark(axes, k + 0.09 * (j - 3.5), mean(part["gain"]), rule)
-        for k, room in parts["room"].mean().items():
-            axes.plot([k - 0.4, k + 0.4], [room, room], "--", color="0.3", linewidth=0.8)
-        axes.axhline(0.0, color="0.5", linewidth=0.8)
-        axes.set_xticks(range(len(CLASSES)), CLASSES)
-        axes.set(title=f"{law}, {len(own)} events", xlabel="headroom [points of the plan]")
-    panels[0].set_ylabel(f"gain over {BASE} [points of the plan]")
-    marks, names = panels[0].get_legend_handles_labels()
-    shown = dict(zip(names, marks, strict=True))
-    drawn.legend(shown.values(), shown, loc="outside lower center", ncols=8)
-    return drawn
-
-
 FIGURES = {
     "rules": Drawing(
         rules,
@@ -165,21 +133,11 @@ FIGURES = {
         "nothing where the whole rail falls at once.",
         study="compare",
     ),
-    "headroom": Drawing(
-        headroom,
-        "What each rule gains over units that act alone grows with the headroom (dashed), which is what only sharing can "
-        "reach; means with 95 % intervals.",
-        study="headroom",
-    ),
-    "ladder": Drawing(
-        of_study("ladder"),
-        "Adhesion that each readhesion controller uses where it is short, and the slip and wheel damage that it costs; "
-        "hollow marks are the locomotive.",
-        study="ladder",
-    ),
-    "broad": Drawing(
-        of_study("broad"),
-        "What each rule gains over units that act alone in starts, pulls at speed and stops for which nothing was tuned.",
-        study="broad",
+    "benchmark": Drawing(
+        of_study("benchmark"),
+        "Above: what each rule gains over units that act alone on the benchmark's events, with 95 % intervals; hollow "
+        "squares are events with more than 1 point of headroom. Below: bound used by readhesion controllers over the wheel "
+        "damage and the jerk that they cause, each with its knob at several values.",
+        study="benchmark",
     ),
 }

@@ -71,7 +71,7 @@ TRAINS = {
     "locomotive and wagons": Kind({"train": "freight-5"}, 40.0, (30.0, 90.0), (1.2, 2.2)),
 }
 MULTIPLE_UNITS = (0, 2, 3)
-"""Numbers of those that have something to share, which this study draws; `studies.broad` draws of all."""
+"""Numbers of those that have something to share, which this study draws."""
 CURVES = ("piecewise", "polach-wet", "slip-ratio", "rational", "polach-dry", "polach-by-friction",
           "exponential-difference")  # fmt: skip
 """Every kind that ships; trains believe in the first."""

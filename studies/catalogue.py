@@ -15,10 +15,9 @@ from studies.plugins import load_plugins
 from studies.scenario import load, near, shipped
 
 STUDIES = (
-    "benchmark",
+    "benchmark", "mpc_parts",
     "claims", "braking", "learning",  # JP5484215
     "readhesion_paper", "jp4209318", "rtri", "jph07322414",
-    "headroom", "ladder", "broad",
 )  # fmt: skip
 
 

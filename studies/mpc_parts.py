@@ -1,19 +1,13 @@
 """Where the lead of the MPC comes from: its parts exchanged one by one, and differences over the same events.
 
-`exchanged()` has search and horizon of "mpc" and of "perturb-observe" in every pairing, and less of each. The tables of
-docs/mpc.md are `differences([event(63, k).event(0) for k in range(100)], ...)` with `studies.broad.event`.
+Search and horizon of "mpc" and of "perturb-observe" in every pairing, and less of each; units act alone on the population.
 """
 
-import math
-from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from alloc.columns import ONE
-from alloc.event import Event
 from alloc.metrics import evaluate
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.searches import CREEP_ROW, PERTURB_ROW, perturb_observe, pi_creep
@@ -22,14 +16,20 @@ from alloc.simulation import simulate
 from alloc.tables import Column, Table
 from mpc.plan import plan, torque_scale
 from mpc.unit import MPC, PROBLEM_ROW, command, memory_of, pose
+from studies import population, runs
+from studies.core import Cell, Row, Study
+from studies.scenario import Scenario
+from studies.statistics import mean
 
 MEASURES = {
-    "adhesion used [points]": ("bound_use", 100.0),
-    "wheel damage Q [kJ]": ("damage", 1.0),
-    "torque fluctuation [% of plan]": ("torque_fluctuation", 100.0),
-    "jerk [m/s3]": ("jerk_rms", 1.0),
+    "adhesion used [points]": ("bound_use", 100.0, 2),
+    "wheel damage Q [kJ]": ("damage", 1.0, 0),
+    "torque fluctuation [% of plan]": ("torque_fluctuation", 100.0, 2),
+    "jerk [m/s3]": ("jerk_rms", 1.0, 2),
 }
-"""Columns of a table of differences: metric and factor."""
+"""Columns of the table: metric, factor, digits."""
+WHOLE = "mpc"
+"""What others are compared with."""
 
 
 def _beside(name: str, part: str) -> Table:
@@ -101,30 +101,35 @@ def exchanged() -> dict[str, Controller]:
     }
 
 
-def differences(
-    events: Iterable[Event],
-    others: Mapping[str, Controller],
-    base: str | Controller = "mpc",
-    rule: str = "alone",
-) -> pd.DataFrame:
-    """Means of the `others` less `base` over the same events, with 95 % intervals; a row for each, a column per measure."""
-    rows: dict[str, list[list[float]]] = {name: [] for name in others}
-    for event in events:
-        own = _measured(event, rule, base)
-        for name, other in others.items():
-            rows[name].append(
-                [a - b for a, b in zip(_measured(event, rule, other), own, strict=True)]
-            )
-    told = {name: [_mean(column) for column in np.array(found).T] for name, found in rows.items()}
-    return pd.DataFrame.from_dict(told, orient="index", columns=list(MEASURES))
+def cells(events: int, seed: int) -> list[Cell]:
+    """Each event under the MPC and under every exchange."""
+    return [
+        Cell(f"{one.name}/{part}", (one, part, k), {"scenario": one.name, "part": part})
+        for k in range(events)
+        for one in [population.event(seed, k)]
+        for part in (WHOLE, *exchanged())
+    ]
 
 
-def _measured(event: Event, rule: str, controller: Any) -> list[float]:
-    found = evaluate(simulate(event, rule, controller))
-    return [factor * found[name] for name, factor in MEASURES.values()]
+def run(scenario: Scenario, part: str, k: int) -> Row:
+    """What is measured of one event where units act alone."""
+    law = CONTROLLERS[WHOLE] if part == WHOLE else exchanged()[part]
+    found = evaluate(simulate(runs.event_of(scenario, k), "alone", law))
+    return {name: found[name] for name, _, _ in MEASURES.values()}
 
 
-def _mean(values: Any) -> str:
-    known = values[np.isfinite(values)]
-    half = 1.96 * known.std(ddof=1) / math.sqrt(known.size) if known.size > 1 else math.nan
-    return f"{known.mean():+.2f} ± {half:.2f}"
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Means of the MPC, and of the others what they have more, event by event."""
+    good, lines = runs.complete(rows), []
+    for part in (WHOLE, *exchanged()):
+        line: Row = {"part": part, "events": good["scenario"].nunique()}
+        for words, (name, factor, digits) in MEASURES.items():
+            own = factor * good.pivot(index="scenario", columns="part", values=name)
+            less = own[part] if part == WHOLE else own[part] - own[WHOLE]
+            line[words] = mean(less).text(digits, sign=part != WHOLE)
+        lines.append(line)
+    return pd.DataFrame(lines)
+
+
+QUESTION = "Which part of the MPC gives its lead over a search by perturb and observe?"
+STUDY = Study("mpc_parts", QUESTION, cells, run, table, events=100, seed=population.SEED)

@@ -1,12 +1,12 @@
 """The MPC's parts exchanged: each works, and differences are those of the same events."""
 
-import pytest
+from dataclasses import replace
 
-from alloc.metrics import evaluate
+import pandas as pd
+
 from alloc.onboard.controllers import CONTROLLERS
-from alloc.simulation import simulate
-from mpc.bench import MEASURES, differences, exchanged
-from studies.scenario import load
+from studies.core import run_study
+from studies.mpc_parts import STUDY, exchanged
 from tests.cases import looped
 from tests.wheel import drive
 
@@ -27,13 +27,17 @@ def test_a_search_alone_and_a_horizon_alone_are_neither_of_the_two():
     assert len({one.tobytes() for one in courses}) == len(courses)
 
 
-def test_differences_are_those_of_the_same_events():
-    events = [load("wet-patch").event(seed) for seed in (0, 1)]
-    found = differences(events, {"itself": CONTROLLERS["mpc"], "none": CONTROLLERS["none"]})
-    assert list(found.loc["itself"]) == ["+0.00 ± 0.00"] * len(MEASURES)
-    own = [
-        100.0 * (evaluate(simulate(one, "alone", "none"))["bound_use"]
-                 - evaluate(simulate(one, "alone", "mpc"))["bound_use"])
-        for one in events
-    ]  # fmt: skip
-    assert float(found.loc["none"].iloc[0].split()[0]) == pytest.approx(sum(own) / 2, abs=0.006)
+def test_its_table_has_differences_over_the_same_events(tmp_path):
+    whole, other = "mpc", "horizon of 2"
+
+    def cells(events, seed):
+        return [one for one in STUDY.cells(events, seed) if one.columns["part"] in (whole, other)]
+
+    rows = run_study(replace(STUDY, cells=cells), tmp_path, 2)
+    assert set(rows["status"]) == {"ok"}
+    used = rows.groupby("part")["bound_use"].mean() * 100.0
+    assert abs(used[whole] - used[other]) > 1e-3
+    every = [rows[rows["part"] == whole].assign(part=one) for one in (whole, *PARTS)]
+    found = STUDY.table(pd.concat(every)).set_index("part")["adhesion used [points]"]
+    assert found[whole] == f"{used[whole]:.2f}"
+    assert set(found[1:]) == {"+0.00"}

@@ -1,0 +1,116 @@
+"""The benchmark: its rows, its tables, and the place of a part of one's own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from alloc.rules import RULES
+from studies import benchmark, population
+from studies.core import run_study
+
+RULES_RUN, LAWS_RUN = ("alone", "cooperative", "oracle"), ("cut-and-ramp", "perturb-observe")
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory):
+    """Three events under some pairs; under the others the rows of `alone`."""
+
+    def cells(events, seed):
+        return [one for one in benchmark.cells(events, seed)
+                if one.columns["rule"] in RULES_RUN and one.columns["controller"] in LAWS_RUN]  # fmt: skip
+
+    made = run_study(replace(benchmark.STUDY, cells=cells), tmp_path_factory.mktemp("rows"), 3)
+    assert set(made["status"]) == {"ok"}
+    found = [made]
+    alone = made[(made["rule"] == "alone") & made["knob"].isna()]
+    for law, rules in benchmark.UNDER.items():
+        own = made[made["controller"] == law]
+        base = alone[alone["controller"] == (law if len(own) else "perturb-observe")]
+        found += [
+            base.assign(rule=one, controller=law) for one in rules if one not in set(own["rule"])
+        ]
+    base = alone[alone["controller"] == "perturb-observe"]
+    found += [base.assign(controller=law) for law in ("none", "pi-creep")]
+    return pd.concat(found, ignore_index=True)
+
+
+def test_the_population_is_broad():
+    drawn = pd.DataFrame([population.draw(7, k) for k in range(400)])
+    assert set(drawn["fleet"]) == set(population.FLEETS)
+    assert set(drawn["curve"]) == set(population.CURVES)
+    assert drawn["case"].value_counts(normalize=True).between(0.1, 0.75).all()
+    units = [population.event(7, k).event(k).world().units.size for k in range(40)]
+    assert 1 < min(units) <= 3
+    assert max(units) >= 14
+
+
+def test_tuning_meets_no_event_that_judges():
+    judging, tuning = ({population.event(seed, k).event(k).hash for k in range(10)}
+                       for seed in (population.SEED, population.TUNING))  # fmt: skip
+    assert not judging & tuning
+
+
+def test_a_reported_rule_is_told_what_cooperative_is_told():
+    event = population.event(population.SEED, 0)
+    told = [benchmark.run(event, one, "perturb-observe", 0) for one in ("exact", "exact-reported")]
+    assert told[0] != told[1]
+    own = RULES["exact"].with_belief(RULES["cooperative"].belief.name)
+    assert own.belief is RULES["cooperative"].belief
+
+
+def test_tables_have_a_row_for_each_pair(rows):
+    found = benchmark.table(rows)
+    assert len(found) == sum(map(len, benchmark.UNDER.values()))
+    alone = found[found["rule"] == "alone"]["gain over alone [points]"]
+    assert set(alone) == {"+0.00"}
+    laws = benchmark.controllers(rows).set_index("controller")
+    assert laws.loc["perturb-observe", "over perturb-observe [points]"] == "+0.00"
+    points = benchmark.front(rows)
+    own = points[points["own"]].set_index("controller")["used [%]"]
+    used = benchmark.alone(rows)["bound_use"].mean() * 100.0
+    assert own["cut-and-ramp"] == pytest.approx(used["cut-and-ramp"])
+    assert (points.groupby("controller").size()[["cut-and-ramp", "perturb-observe"]] == 5).all()
+
+
+def test_rows_are_read_as_they_were_stored(rows, tmp_path, monkeypatch):
+    benchmark.store(rows, tmp_path / "kept.parquet")
+    monkeypatch.setattr(benchmark, "ROOT", tmp_path)
+    with pytest.raises(benchmark.StudyError, match="readhesion benchmark"):
+        benchmark.stored()
+    monkeypatch.setattr(benchmark, "STORED", ("kept.parquet",))
+    again = benchmark.stored()
+    assert not benchmark.is_stale(again)
+    assert benchmark.table(again).equals(benchmark.table(rows))
+    again.attrs["sources"] = "others"
+    assert benchmark.is_stale(again)
+
+
+def test_a_rule_is_ranked_among_the_stored_ones(rows):
+    stored = rows.astype(dict.fromkeys(benchmark.KEPT, "float32"))
+    own = rows[(rows["rule"] == "cooperative") & (rows["controller"] == "perturb-observe")]
+    own = own.assign(bound_use=own["bound_use"] + 0.01)
+    places, gains = benchmark.ranked(stored, own, "mine", "perturb-observe")
+    by = places.set_index("name")
+    assert by.loc["mine", "used"] == pytest.approx(by.loc["cooperative", "used"] + 1.0, abs=1e-4)
+    assert by.loc["cooperative", "less"].value == pytest.approx(1.0, abs=1e-4)
+    assert not by.loc["cooperative", "tied"]
+    assert by.loc["oracle", "mark"] == "°"
+    assert list(places["used"]) == sorted(places["used"], reverse=True)
+    assert gains.loc[0, "number"] == 3
+    used = benchmark.used(stored, "perturb-observe")
+    expected = 100.0 * (used["cooperative"] - used["alone"]).mean() + 1.0
+    assert gains.loc[0, "gain"].value == pytest.approx(expected, abs=1e-4)
+    said = benchmark.told(places, gains, "mine", "alone")
+    assert max(map(len, said)) <= 80
+    assert sum(one.startswith(">") for one in said) == 1
+
+
+def test_a_controller_is_ranked_where_units_act_alone(rows):
+    own = rows[(rows["rule"] == "alone") & (rows["controller"] == "pi-creep")]
+    places, gains = benchmark.ranked(rows, own, "alone", "mine")
+    by = places.set_index("name")
+    assert by.loc["pi-creep", "tied"]
+    assert gains.loc[0, "gain"].value == pytest.approx(0.0, abs=1e-5)
+    assert np.isnan(gains.loc[gains["number"] == 0, "worst"]).all()
