@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 TOOLS  := $(VENV)/.tools-installed
 DOCS   := $(VENV)/.docs-installed
 INSTALL = $(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python -c constraints.txt -e
-STUDY  ?= claims braking learning readhesion_paper jp4209318 rtri jph07322414 mpc_parts
+STUDY  ?= claims braking learning readhesion_paper jp4209318 rtri jph07322414 mpc_parts measured
 
 # small matrices everywhere: threads of BLAS would wait for each other
 export OPENBLAS_NUM_THREADS := 1
