@@ -15,7 +15,7 @@ from studies.plugins import load_plugins
 from studies.scenario import load, near, shipped
 
 STUDIES = (
-    "benchmark", "mpc_parts",
+    "benchmark", "tuning", "assumptions", "mpc_parts",
     "claims", "braking", "learning",  # JP5484215
     "readhesion_paper", "jp4209318", "rtri", "jph07322414",
     "measured",

@@ -1,0 +1,147 @@
+"""What turns on what is assumed: each assumed number at half and double, each effect of the plant left out.
+
+The four best pairs meet the first events of the population again under every change. Two orders are watched: sharing
+against none, and the MPC against a search by perturb and observe.
+"""
+
+from collections.abc import Callable
+from functools import reduce
+from typing import Any
+
+import pandas as pd
+
+from alloc.metrics import evaluate
+from alloc.onboard.settings import Belief, Onboard
+from alloc.simulation import simulate
+from alloc.units import unit_of
+from studies import population, runs
+from studies.core import Cell, Row, Study
+from studies.events import Keys
+from studies.scenario import Scenario
+from studies.statistics import Interval, mean
+
+PAIRS = [(rule, law) for law in ("perturb-observe", "mpc") for rule in ("alone", "cooperative")]
+AS_DRAWN = "as drawn"
+NUMBERS = (
+    "onboard.telegrams.latency_s", "onboard.telegrams.jitter_s", "onboard.telegrams.loss", "onboard.telegrams.silence_s",
+    "onboard.rise_time_s", "onboard.period_s", "onboard.braking.blend_time_s",
+    "onboard.sensors.speed_noise_kmh", "onboard.sensors.speed_quantum_kmh", "onboard.sensors.radius_error",
+    "onboard.sensors.load_error", "belief.mass_factor", "belief.resistance_factor",
+    "rail.scatter", "rail.scatter_length_m", "rail.conditioning", "rail.conditioning_slip",
+    "receptivity.amplitude", "receptivity.period_s",
+    "train.resistance_n", "train.resistance_ns_per_m", "train.resistance_ns2_per_m2",
+    "train.coupler.stiffness_n_per_m", "train.coupler.damping_ns_per_m",
+    "cars.wheel_inertia_kgm2", "cars.motors.torque_lag_s", "cars.motors.fade_speed_kmh",
+    "cars.air_brake.lag_s", "cars.air_brake.dead_time_s",
+)  # fmt: skip
+"""Keys of the scenario that are assumed or drawn without a source; of `cars`, of all kinds of cars."""
+WITHOUT: dict[str, Callable[[Keys], Keys]] = {
+    "no patches": lambda s: s | {"rail": s["rail"] | {"patches": []}},
+    "no scatter": lambda s: s | {"rail": s["rail"] | {"scatter": 0.0}},
+    "no cleaning": lambda s: s | {"rail": s["rail"] | {"conditioning": 0.0}},
+    "no growth along the train": lambda s: s | {"rail": s["rail"] | {"increments": {"law": "none"}}},
+    "piecewise curve": lambda s: s | {"rail": s["rail"] | {"curve": {"kind": "piecewise"}}},
+    "no load transfer": lambda s: s | {"load_transfer": False},
+    "no failures": lambda s: s | {"failures": []},
+    "a level line": lambda s: s | {"line": {}},
+    "rigid train": lambda s: s | {"train": {k: one for k, one in s["train"].items() if k != "coupler"}},
+    "all power taken up": lambda s: s | {"receptivity": {}},
+    "perfect sensors": lambda s: s | {"onboard": s["onboard"] | {"sensors": {}}},
+    "prompt telegrams": lambda s: s | {"onboard": s["onboard"] | {"telegrams": {"period_s": 0.01, "latency_s": 0.0}}},
+    "true speed": lambda s: s | {"onboard": s["onboard"] | {"reference": {"source": "truth"}}},
+}  # fmt: skip
+"""Effects of the plant and of the signals that are left out."""
+
+
+def changes() -> list[str]:
+    """Names of all changes, first none."""
+    return [
+        AS_DRAWN,
+        *(f"{one} × {factor:g}" for one in NUMBERS for factor in (0.5, 2.0)),
+        *WITHOUT,
+    ]
+
+
+def changed(one: Scenario, name: str) -> Scenario:
+    """The event under a change; itself where the change has nothing to act on."""
+    given = one.model_dump(mode="json", exclude_unset=True)
+    if name in WITHOUT:
+        return one.changed(**WITHOUT[name](given))
+    if name == AS_DRAWN:
+        return one
+    path, _, factor = name.partition(" × ")
+    whole, parts = one.model_dump(mode="json"), path.split(".")
+    if parts[0] != "cars":
+        _scale(whole, given, parts, float(factor))
+    for kind in given["train"]["car"] if parts[0] == "cars" else ():
+        _scale(whole, given, ["train", "car", kind, *parts[1:]], float(factor))
+    return one.changed(**given)
+
+
+def _scale(whole: Any, given: Any, path: list[str], factor: float) -> None:
+    """Multiply what stands at `path` of all keys, in those that are given; nothing where there is no number.
+
+    What is left out on board has the default of its record.
+    """
+    value = reduce(lambda table, key: (table or {}).get(key), path, whole)
+    if value is None and path[0] in ("onboard", "belief"):
+        unit = unit_of(path[-1])
+        record = reduce(getattr, path[1:-1], Onboard() if path[0] == "onboard" else Belief())
+        value = getattr(record, path[-1].removesuffix(unit.ending)) / unit.factor
+    if value:
+        inner = reduce(lambda table, key: table.setdefault(key, {}), path[:-1], given)
+        inner[path[-1]] = factor * value
+
+
+def cells(events: int, seed: int) -> list[Cell]:
+    """Each event under each change that makes another event of it, and under the four pairs."""
+    found = []
+    for k in range(events):
+        base = population.event(seed, k)
+        for name in changes():
+            one = changed(base, name)
+            if name != AS_DRAWN and one == base:
+                continue
+            for rule, law in PAIRS:
+                said = {"scenario": base.name, "change": name, "rule": rule, "controller": law}
+                found.append(Cell("/".join(said.values()), (one, rule, law, k), said))
+    return found
+
+
+def run(scenario: Scenario, rule: str, controller: str, k: int) -> Row:
+    """Use of the bound."""
+    return {
+        "bound_use": evaluate(simulate(runs.event_of(scenario, k), rule, controller))["bound_use"]
+    }
+
+
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Under each change what sharing gains, and what the MPC gains, as means with intervals; which orders turn."""
+    good = rows[rows["status"] == "ok"]
+    used = 100.0 * good.pivot(
+        index=["change", "scenario"], columns=["rule", "controller"], values="bound_use"
+    )
+    gains = {
+        f"sharing under {law}": used["cooperative", law] - used["alone", law]
+        for _, law in PAIRS[::2]
+    }
+    gains["MPC over the search, alone"] = used["alone", "mpc"] - used["alone", "perturb-observe"]
+    lines, base = [], {words: mean(gain.loc[AS_DRAWN]) for words, gain in gains.items()}
+    for name in [one for one in changes() if one in used.index]:
+        line: Row = {"change": name, "events": len(used.loc[name])}
+        found = {words: mean(gain.loc[name].dropna()) for words, gain in gains.items()}
+        line |= {words: one.text(2, sign=True) for words, one in found.items()}
+        turned = [words for words, one in found.items() if _sign(one) * _sign(base[words]) < 0]
+        lines.append(line | {"turns": "; ".join(turned) or "–"})
+    return pd.DataFrame(lines)
+
+
+def _sign(one: Interval) -> int:
+    """Of a mean whose interval does not hold 0."""
+    return int(one.low > 0.0) - int(one.high < 0.0)
+
+
+QUESTION = (
+    "Which orders of rules and controllers turn where an assumed number or an effect is changed?"
+)
+STUDY = Study("assumptions", QUESTION, cells, run, table, events=60, seed=population.SEED)
