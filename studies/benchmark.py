@@ -27,7 +27,7 @@ from studies.core import WIDE, Cell, Row, Study
 from studies.plugins import load_plugins
 from studies.row_key import LIBRARIES, decides
 from studies.scenario import Scenario
-from studies.statistics import Interval, forest, mean, share
+from studies.statistics import Claim, Interval, Statement, forest, judge, mean, share
 
 # what is compared
 
@@ -265,6 +265,43 @@ def front(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
+SAID = (
+    ("mpc", SEARCH, "this project"),
+    (SEARCH, "cut-and-ramp", "this project"),
+    (SEARCH, "pi-creep", "this project"),
+    ("fuzzy-creep", "pi-creep", "Tian, Daniel, Meehan 2014"),
+    ("swarm-slip", "pi-creep", "Zirek, Onat 2020"),
+    ("fuzzy-tracking", "steepest-gradient", "arXiv 2406.13650"),
+    ("swarm-tracking", "steepest-gradient", "arXiv 2406.13650"),
+    ("cubature-seeking", "steepest-gradient", "Applied Sciences 15(19), 10524"),
+)
+"""Controllers that are said to be better than others, and who says so."""
+
+
+def statements(rows: pd.DataFrame) -> list[Statement]:
+    """That rules gain over units that share nothing, and what is said of controllers; one family."""
+    parts, claims = strata(rows), []
+    for law, rules in UNDER.items():
+        own = 100.0 * used(rows, law)
+        for rule in [one for one in rules if one not in (BASE, BOUND)]:
+            text = "uses more of the bound than alone [points]"
+            claims.append(Claim(f"{rule}, {law}", text, own[rule] - own[BASE], 0.0, digits=2,
+                                parts=_within(parts, own)))  # fmt: skip
+    own = 100.0 * alone(rows)["bound_use"]
+    for name, other, source in SAID:
+        text = f"uses more of the bound than {other} ({source}) [points]"
+        claims.append(Claim(f"{name} over {other}", text, own[name] - own[other], 0.0, digits=2,
+                            parts=_within(parts, own)))  # fmt: skip
+    return judge(claims)
+
+
+def _within(
+    parts: "Mapping[str, pd.Series[bool]]", own: pd.DataFrame
+) -> "dict[str, pd.Series[bool]]":
+    """Parts of the events that a table has."""
+    return {name: true.reindex(own.index, fill_value=False) for name, true in parts.items()}
+
+
 def figure(rows: pd.DataFrame) -> Figure:
     """Gain of each rule over `BASE` under each controller, and the fronts of the controllers."""
     drawn = Figure(figsize=(WIDE, 5.6), layout="constrained")
@@ -298,7 +335,15 @@ def figure(rows: pd.DataFrame) -> Figure:
 
 QUESTION = "How much of what rail and motors allow do rules and controllers use, and at what cost?"
 STUDY = Study(
-    "benchmark", QUESTION, cells, run, table, figure, events=population.EVENTS, seed=population.SEED
+    "benchmark",
+    QUESTION,
+    cells,
+    run,
+    table,
+    figure,
+    statements,
+    events=population.EVENTS,
+    seed=population.SEED,
 )
 
 # the place of a part of one's own
