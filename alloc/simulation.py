@@ -188,7 +188,7 @@ def go(k, w, record):
     ease(w.units, w.onboard[0], run)
     foresee(w.units, run)
     protect(k, w.axles, w.brakes, w.slide[0], run)
-    ask_brakes(w.units, w.brakes, w.onboard[0], run)
+    ask_brakes(w.axles, w.units, w.brakes, w.onboard[0], run)
     write_down_and_advance(k, w, record)
 
 

@@ -338,7 +338,7 @@ def test_trailers_are_asked_for_their_part_and_lack_what_their_shoes_do_not_give
     b = board(plan=0.1, braked=0.8, reference_speed=20.0)
     brakes, units, run, onboard = b["brakes"], b["units"], b["run"], b["onboard"]
     brakes.valve, brakes.most = [0.0, 1.0, 0.0], [0.0, 0.0, 1e9]
-    targets.ask_brakes(units, brakes, onboard, run)
+    targets.ask_brakes(b["axles"], units, brakes, onboard, run)
     friction = (
         brakes.friction_numerator / (72.0 + brakes.friction_offset) + brakes.friction_constant
     )
@@ -350,8 +350,17 @@ def test_trailers_are_asked_for_their_part_and_lack_what_their_shoes_do_not_give
     lacking = 0.5 * part / (2 * units.load[0] + 3 * units.load[1])
     assert targets.trailers_lack(units, brakes, run) == pytest.approx(lacking)
     brakes.most[2] = 0.08 * part  # the oracle's
-    targets.ask_brakes(units, brakes, onboard, run)
+    targets.ask_brakes(b["axles"], units, brakes, onboard, run)
     assert brakes.pressure_target[2] == pytest.approx(0.08 * pressure[2])
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_slide_protection_of_a_bogie_is_known_to_each_of_its_units(slides):
+    b = board()
+    b["axles"].unit, b["axles"].brake = [0, 1, 0, 1, -1, -1], [0, 0, 1, 1, 2, 2]
+    b["brakes"].valve, b["brakes"].unit = [0.0, float(slides), 2.0], [1, 1, -1]
+    call(targets.ask_brakes, b)
+    assert list(b["units"].protected) == [slides, slides]
 
 
 def valves(readings, protection=1, speed=20.0, ticks=1, braking=1):

@@ -131,23 +131,23 @@ def planned_force(b, run):
 
 
 @jit
-def ask_brakes(units, brakes, onboard, run):
+def ask_brakes(axles, units, brakes, onboard, run):
     """Pressure commanded of each brake group: a unit's for its air brake force, a trailer's for its part of the plan.
 
     The pressure is that for wheels that roll: one that slides must not lower the others'. Slide protection comes before:
-    `unit.protected` says that it acts on a unit. `brake.most` is the oracle's bound.
+    `unit.protected` says that it acts on an axle of a unit; a bogie may have several. `brake.most` is the oracle's bound.
     """
     for u in units:
         u.protected = 0
+    for a in axles:
+        if run.braking and a.unit >= 0 and a.brake >= 0 and brakes[a.brake].valve != SUPPLY:
+            units[a.unit].protected = 1
     for b in brakes:
         b.pressure_target = 0.0
         if not run.braking:
             continue
         if b.unit >= 0:
-            u = units[b.unit]
-            force = u.air_brake_force
-            if b.valve != SUPPLY:
-                u.protected = 1
+            force = units[b.unit].air_brake_force
         else:
             turning = b.turning if onboard.inertia_in_limit else 0.0
             force = min(planned_force(b, run), b.most) * (1.0 + turning)
