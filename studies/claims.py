@@ -258,22 +258,22 @@ def claims_of(own: pd.DataFrame) -> list[Claim]:
     effort, more = 100.0 * own["effort"].clip(upper=1.0), 100.0 * less("effort", "alone", short)
     peak, slip = less("jerk_peak", "sharing", slipped), less("slip_time", "preset", unfit)
     return [
-        Claim("a", "reaches the plan where the train could and alone does not: effort [% of plan]",
+        Claim("a", "reaches the plan where alone does not and the train could: effort [%]",
               effort.where(short), least=REACHED, parts=parts, digits=1,
               besides=[Claim("", "effort over alone [points]", more, least=0.0, digits=1)]),
-        Claim("b", "in case A every unit works at about its bound: adhesion used by the least [%]",
+        Claim("b", "in case A every unit works at about its bound: least use [%]",
               100.0 * own["use_low"].where(case_a), least=ABOUT_BOUND, parts=parts, digits=1),
-        Claim("c", "about 95 % of the adhesion is used under a cap somewhat too high: use under such caps [%]",
+        Claim("c", "uses about 95 % under a cap somewhat too high: use [%]",
               100.0 * own["over_use"].where(own["over_time"] >= LEAST_TIME),
               least=ABOUT_95, parts=parts, digits=1),
-        Claim("d", "better ride than dynamic sharing: jerk rms less sharing's [m/s³]",
+        Claim("d", "better ride than dynamic sharing: jerk rms less [m/s³]",
               less("jerk_rms", "sharing", slipped), most=0.0, parts=parts, digits=4,
               besides=[Claim("", "jerk peak [m/s³]", peak, most=0.0, digits=4)]),
-        Claim("e", "more effort than a preset pattern that does not fit the rail: effort less preset's [points]",
+        Claim("e", "more effort than an unfit preset pattern: effort less [points]",
               100.0 * less("effort", "preset", unfit), least=0.0, digits=1,
               parts=parts | {"case A": case_a, "case B": case_b},
               besides=[Claim("", "slip [axle s]", slip, most=0.0, digits=1)]),
-        Claim("c, no slip", "more than 95 % where no slip is detected: use under such caps [%]",
+        Claim("c, no slip", "more than 95 % where no slip is detected: use [%]",
               100.0 * own["quiet_use"].where(own["quiet_time"] >= LEAST_TIME), least=QUIET, parts=parts, digits=1),
     ]  # fmt: skip
 
@@ -306,10 +306,6 @@ def deviations(arms: Iterable[str], pair: Pair) -> list[Claim]:
     return found
 
 
-OWN: Numbers = {
-    "bound used [%]": ("bound_use", 1, 100.0),
-    "effort [% of plan]": ("effort", 1, 100.0),
-}
 LESS: Numbers = {
     "bound used [points]": ("bound_use", 2, 100.0),
     "slip [axle s]": ("slip_time", 1, 1.0),
@@ -350,7 +346,7 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Each rule, and what it adds to `alone`; each deviation taken back, and what it adds to the corrected patent; each
     setting, and what it adds to the patent as printed."""
     pair = partial(paired, complete(rows))
-    return table_of(compared(COMPARED, ARMS), pair, OWN, LESS)
+    return table_of(compared(COMPARED, ARMS), pair, {}, LESS)
 
 
 def figure(rows: pd.DataFrame) -> Figure:

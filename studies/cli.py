@@ -253,7 +253,7 @@ def sweep(
     """
     from studies.catalogue import find_study
     from studies.core import markdown
-    from studies.statistics import statement_table
+    from studies.statistics import statement_table, told
 
     found = find_study(study)
     rows = work.rows(found, work.out / found.name, events, seed)
@@ -268,9 +268,10 @@ def sweep(
     if work.as_json:
         _print_json({k: json.loads(one.to_json(orient="records")) for k, one in tables.items()})
     else:
-        print("\n".join([found.question, "", *map(markdown, tables.values())]))
-        told = "tables and figure" if found.figure else "tables"
-        print(f"{_counted(rows)}, {told} in {work.out / found.name}")
+        shown = [told(one) if kind == "statements" else one for kind, one in tables.items()]
+        print("\n".join([found.question, "", *map(markdown, shown)]))
+        made = "tables and figure" if found.figure else "tables"
+        print(f"{_counted(rows)}, {made} in {work.out / found.name}")
     return 0
 
 

@@ -30,7 +30,7 @@ from alloc.files import write_whole
 from studies import StudyError, WorkerLost
 from studies.plugins import load_plugins, loaded_files
 from studies.row_key import key_of
-from studies.statistics import Statement, statement_table
+from studies.statistics import Statement, statement_table, told
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # half a second that workers do not need
@@ -300,21 +300,25 @@ def write_results(study: Study, rows: pd.DataFrame, folder: str | Path) -> None:
         return
     write_table(study.table(rows), folder / "table")
     if study.statements is not None:
-        write_table(statement_table(study.statements(rows)), folder / "statements")
+        table = statement_table(study.statements(rows))
+        write_table(table, folder / "statements", told(table))
     if study.figure is not None:
         write_whole(folder / "figure.pdf", study.figure(rows).savefig)
 
 
-def write_table(table: pd.DataFrame, path: str | Path) -> None:
-    """The table as .parquet, .csv and .md beside each other; `path` is without ending."""
+def write_table(
+    table: pd.DataFrame, path: str | Path, for_people: pd.DataFrame | None = None
+) -> None:
+    """The table as .parquet, .csv and .md (`for_people`) beside each other; `path` is without ending."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     plain = table.copy()
     plain.attrs = {}
+    shown = markdown(plain if for_people is None else for_people)
     for ending, write in (
         (".parquet", lambda aside: plain.to_parquet(aside, index=False)),
         (".csv", lambda aside: plain.to_csv(aside, index=False)),
-        (".md", lambda aside: aside.write_text(markdown(plain), "utf-8")),
+        (".md", lambda aside: aside.write_text(shown, "utf-8")),
     ):
         write_whole(path.with_name(path.name + ending), write)
 

@@ -516,10 +516,10 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
     """Verdicts as one family, and by train and control. Bounds were fixed beforehand: less disturbance is below 1, as steady
     is below 1.25, learnt is within 5 %, nearly zero is below 5 %."""
     rows, found = rows[rows["status"] == "ok"], []
-    for quantity, (place, where) in product(QUANTITIES, PLACES.items()):
+    for quantity, place in product(QUANTITIES, PLACES):
         what = quantity.replace("_", " ")
         for case, reading in (("compensation", ""), ("cars", " car by car")):
-            text = f"compensation{reading} lessens the {what} at a {where}; over feedback alone"
+            text = "compensation lessens it; over feedback alone"
             values = over(rows, f"{quantity}_{place}", case)
             found.append(Claim(f"1, 2: {what},{reading} {place}", text, values, most=1.0, digits=2))
     for place, where in PLACES.items():

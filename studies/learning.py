@@ -291,7 +291,6 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
             ),
             "effort [% of plan]": (f"effort_ratio_{arm}", 2, 100.0),
             "slip time [axle s]": (f"slip_time_{arm}", 2, 1.0),
-            "damage [kJ]": (f"damage_{arm}", 1, 1.0),
         }
         line = {"rail": rail, "stored": first, "learning": arm.replace("_", ", ")}
         lines.append(line | means(own, numbers))

@@ -496,26 +496,27 @@ def run(part: str, given: Unprinted, margin: float, width: float, step: float) -
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Findings with the numbers that decide them, then all others: in each unit the set in use, and its members' range."""
+    """Findings with the numbers that decide them, then others: in each unit the set in use, its members' range, and how
+    many of them all meet the bounds. A finding with two numbers is named at the first."""
     sets = list(rows.groupby(["unit", "member"]))
     found = pd.DataFrame({of: numbers(own) for of, own in sets if (own["status"] == "ok").all()})
     asked = [(text, *one) for text, several in FINDINGS.items() for one in several]
     others = found.index.difference([one[1] for one in asked], sort=False)
-    asked += [("", number, math.nan, math.nan) for number in others]
+    shown = [number for number in others if not number.startswith("limit, ")]  # the figures have it
+    asked += [("", number, math.nan, math.nan) for number in shown]
     lines = []
     for text, number, least, most in asked:
-        judged = least <= most
-        bounds = f"{least:g} to {most:g}" if judged else ""
+        bounds = f"{least:g} to {most:g}" if least <= most else ""
         line: Row = {"finding": text, "number": number, "bounds": bounds}
         for unit in UNITS:
             values = found[unit].loc[number]
-            met, others = values.between(least, most), values.loc[1:]
-            how_many = f"; {met.loc[1:].sum()} of {len(others)}" if judged and len(others) else ""
-            line[unit] = _range(values.loc[:0])
-            line[f"{unit}: met"] = ("yes" if met[0] else "no") if judged else ""
-            line[f"{unit}: members"] = _range(others) + how_many
+            own, others = _range(values.loc[:0]), _range(values.loc[1:])
+            line[unit] = own if others in (own, "–") else f"{own} ({others})"
+            met = values.between(least, most)
+            line[f"{unit}: met by"] = f"{met.sum()} of {len(met)}" if bounds else ""
         lines.append(line)
-    return pd.DataFrame(lines)
+    found = pd.DataFrame(lines)
+    return found.assign(finding=found["finding"].mask(found["finding"].duplicated(), ""))
 
 
 def _range(values: pd.Series) -> str:

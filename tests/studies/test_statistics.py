@@ -18,6 +18,7 @@ from studies.statistics import (
     mean,
     share,
     statement_table,
+    told,
 )
 
 
@@ -92,6 +93,21 @@ def test_verdicts():
         assert found.verdict == verdict, claim.name
     table = statement_table(judge([Claim("e", "words", 100 * x, most=200.0, digits=1)]))
     assert list(table.iloc[0][["bound", "verdict", "events"]]) == ["< 200.0", HOLDS, 30]
+
+
+def test_people_read_each_claim_once():
+    x = draws(3)
+    low = Claim("low", "stays low [1]", x, most=-5.0, parts={"wet": x < -9.0})
+    made = judge([low, Claim("high", "is high", x, most=-5.0), low._replace(name="again")])
+    table = told(statement_table(made))
+    assert list(table["claim"]) == ["stays low [1]: < −5.000", "", "is high: < −5.000"]
+    assert list(table["name"]) == ["low", "again", "high"]
+    assert list(table["verdict"]) == [FAILS] * 3
+    conditions = made[0]._replace(conditions=("with wet: 1", "with dry: 2"))
+    assert (
+        told(statement_table([conditions]))["verdict"].item()
+        == f"{FAILS}: with wet: 1; with dry: 2"
+    )
 
 
 def test_a_verdict_agrees_with_students_t():
