@@ -233,7 +233,8 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
     return judge(found) + judge(claims.deviations(AS_PRINTED, partial(stops, good)))
 
 
-LESS = {"deceleration [points of plan]": (GAIN, 2, 100.0), **claims.LESS}
+COSTS = {name: one for name, one in claims.LESS.items() if "bound" not in name}
+LESS = {"deceleration [points of plan]": (GAIN, 2, 100.0), **COSTS}
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:

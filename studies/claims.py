@@ -310,7 +310,6 @@ LESS: Numbers = {
     "bound used [points]": ("bound_use", 2, 100.0),
     "slip [axle s]": ("slip_time", 1, 1.0),
     "wheel damage Q [kJ]": ("damage", 0, 1.0),
-    "jerk rms [m/s³]": ("jerk_rms", 3, 1.0),
 }
 
 

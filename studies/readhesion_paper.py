@@ -496,8 +496,8 @@ def run(part: str, given: Unprinted, margin: float, width: float, step: float) -
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Findings with the numbers that decide them, then others: in each unit the set in use, its members' range, and how
-    many of them all meet the bounds. A finding with two numbers is named at the first."""
+    """Findings with the numbers that decide them, then others: in each unit the set in use, its members' range, and
+    where not all of them meet the bounds, how many do. A finding with two numbers is named at the first."""
     sets = list(rows.groupby(["unit", "member"]))
     found = pd.DataFrame({of: numbers(own) for of, own in sets if (own["status"] == "ok").all()})
     asked = [(text, *one) for text, several in FINDINGS.items() for one in several]
@@ -511,9 +511,9 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
         for unit in UNITS:
             values = found[unit].loc[number]
             own, others = _range(values.loc[:0]), _range(values.loc[1:])
-            line[unit] = own if others in (own, "–") else f"{own} ({others})"
-            met = values.between(least, most)
-            line[f"{unit}: met by"] = f"{met.sum()} of {len(met)}" if bounds else ""
+            met = values.between(least, most) | (bounds == "")
+            missed = "" if met.all() else f", met by {met.sum()}" if met.any() else ", not met"
+            line[unit] = (own if others in (own, "–") else f"{own} ({others})") + missed
         lines.append(line)
     found = pd.DataFrame(lines)
     return found.assign(finding=found["finding"].mask(found["finding"].duplicated(), ""))
