@@ -279,9 +279,11 @@ def statement_table(statements: Sequence[Statement]) -> pd.DataFrame:
 
 
 def told(table: pd.DataFrame) -> pd.DataFrame:
-    """A `statement_table` for people: each claim once, with its bound, before all of which it is claimed."""
+    """A `statement_table` for people: each claim once, with its bound, before all of which it is claimed; conditions are
+    told by their means."""
     claim = table["claim"].str.cat(table["bound"], ": ")
-    verdict = table["verdict"].str.cat(table["conditions"], ": ").str.removesuffix(": ")
+    conditions = table["conditions"].str.replace(r" \[[\d−].*?\]", "", regex=True)
+    verdict = table["verdict"].str.cat(conditions, ": ").str.removesuffix(": ")
     found = table.assign(claim=claim, verdict=verdict).drop(columns=["bound", "conditions"])
     found = found.iloc[np.argsort(pd.factorize(claim)[0], kind="stable")]
     return found.assign(claim=found["claim"].mask(found["claim"].duplicated(), ""))

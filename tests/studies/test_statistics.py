@@ -103,10 +103,10 @@ def test_people_read_each_claim_once():
     assert list(table["claim"]) == ["stays low [1]: < −5.000", "", "is high: < −5.000"]
     assert list(table["name"]) == ["low", "again", "high"]
     assert list(table["verdict"]) == [FAILS] * 3
-    conditions = made[0]._replace(conditions=("with wet: 1", "with dry: 2"))
+    conditions = made[0]._replace(conditions=("with wet: 1 [0, 2]", "besides, slip [axle s]: 2"))
     assert (
         told(statement_table([conditions]))["verdict"].item()
-        == f"{FAILS}: with wet: 1; with dry: 2"
+        == f"{FAILS}: with wet: 1; besides, slip [axle s]: 2"
     )
 
 
