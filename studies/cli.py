@@ -334,8 +334,9 @@ def rank(
 
     if under not in bench.UNDER:
         raise StudyError(f"--under {under}: rows are stored of {', '.join(bench.UNDER)}")
-    rows, said = bench.stored(), {}
-    for own_rule, own_law in bench.parts_of(part):
+    said, pairs = {}, bench.parts_of(part)
+    rows = bench.stored()
+    for own_rule, own_law in pairs:
         name, pair = own_rule or own_law, (own_rule or bench.BASE, own_law or under)
         try_own_parts(pair[:1], pair[1:])
         own = work.rows(bench.own_study(*pair), work.out / "rank" / name, events)
