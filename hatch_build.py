@@ -15,3 +15,7 @@ class StubPackage(BuildHookInterface):
         stub.parent.mkdir(exist_ok=True)
         shutil.copy(Path(self.root, "readhesion.py"), stub)
         build_data["force_include"][str(stub)] = "readhesion-stubs/__init__.pyi"
+        if version == "standard":  # an editable install reads the rows of the clone
+            build_data["force_include"]["docs/tables/benchmark.parquet"] = (
+                "studies/benchmark.parquet"
+            )

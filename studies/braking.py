@@ -7,7 +7,6 @@ patent and its prior art meet the same stops.
 from collections.abc import Iterable
 from functools import cache, partial
 from itertools import product
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -60,37 +59,24 @@ class Kind(NamedTuple):
 
 
 _COMMUTER = (12.0, (30.0, 120.0), (2.0, 4.0))
-_COACHES = (20.0, (50.0, 160.0), (1.3, 3.2))
-IC2 = str(Path(__file__).with_name("braking_ic2.toml"))
 TRAINS = {
     "inverter per car": Kind({"train": "commuter-8car"}, *_COMMUTER),
-    "locomotive ahead": Kind({"train": IC2}, *_COACHES),
     "sixteen cars": Kind({"train": "high-speed-16car"}, 6.0, (40.0, 240.0), (1.6, 2.8)),
     "inverter per axle": Kind({"train": "commuter-8car", "inverter_group": "1C1M"}, *_COMMUTER),
-    "locomotive behind": Kind({"train": IC2, "reversed": True}, *_COACHES),
-    "locomotive and wagons": Kind({"train": "freight-5"}, 40.0, (30.0, 90.0), (1.2, 2.2)),
 }
-MULTIPLE_UNITS = (0, 2, 3)
-"""Numbers of those that have something to share, which this study draws."""
+NUMBERS = (0, 2, 3)
+"""What a stop's draws follow from, by its train and beside six for each round: so stops stay what they were."""
 CURVES = ("piecewise", "polach-wet", "slip-ratio", "rational", "polach-dry", "polach-by-friction",
           "exponential-difference")  # fmt: skip
 """Every kind that ships; trains believe in the first."""
 
 
 def draw(seed: int, k: int) -> e.Keys:
-    """What is drawn for stop `k` of a multiple unit."""
-    return draw_number(seed, _number(k))
-
-
-def _number(k: int) -> int:
-    return 6 * (k // 3) + MULTIPLE_UNITS[k % 3]
-
-
-def draw_number(seed: int, number: int) -> e.Keys:
-    """What is drawn for the stop of this number; trains and curves take turns."""
+    """What is drawn for stop `k`; trains and curves take turns."""
+    number = 6 * (k // 3) + NUMBERS[k % 3]
     g = e.Draw(seed, number, 19)
     return {
-        "train": list(TRAINS)[number % 6],
+        "train": list(TRAINS)[k % 3],
         "curve": CURVES[number % 7],
         "residual_ratio": g.uniform(0.3, 0.98),  # steep to flat behind the peak
         "peak_slip": g.log_uniform(0.15, 0.8),
@@ -136,13 +122,8 @@ def train_of(name: str) -> Train:
 
 
 def event(seed: int, k: int) -> Scenario:
-    """Stop `k` of a multiple unit."""
-    return stop(seed, _number(k))
-
-
-def stop(seed: int, number: int) -> Scenario:
-    """The stop of this number."""
-    d = draw_number(seed, number)
+    """Stop `k`."""
+    d = draw(seed, k)
     kind, train = TRAINS[d["train"]], train_of(d["train"])
     asked = _between(kind.asked, d["deceleration"]) / 3.6
     speed = d["end_kmh"] or _between(kind.speed, d["speed"])
@@ -157,9 +138,6 @@ def stop(seed: int, number: int) -> Scenario:
     }
     onboard = e.signals(d) | {"braking": {"slide_protection": {"law": d["law"]}}}
     onboard["sensors"] |= {name: d[name] for name in ("speed_quantum_kmh", "radius_error")}
-    loads = [kind.most_load] * len(train.cars)
-    if d["train"].startswith("locomotive"):
-        loads[0] = 0.0
     units = rows_of(train).units.size
     failed = {"unit": 1 + int(d["failed_place"] * units), "time_s": ROLLING + d["failed_at_s"]}
     swing = 0.6 * (1.0 - d["receptivity"])
@@ -167,13 +145,13 @@ def stop(seed: int, number: int) -> Scenario:
     believed = {"curve": {"kind": CURVES[0]}, "increments": _grown(asked / GRAVITY, train)}
     return e.drawn(
         load("wet-stop"),
-        f"blended-{seed}-{number:04d}",
-        f"drawn stop {number}: {d['train']}, {d['curve']}",
+        f"blended-{seed}-{k:04d}",
+        f"drawn stop {k}: {d['train']}, {d['curve']}",
         duration_s=DURATION,
         target_speed_kmh=None,
         initial_speed_kmh=speed,
         line=e.line(d, -1e4),
-        load_t=[e.stated("_t", d["load"] * most) for most in loads],
+        load_t=[e.stated("_t", d["load"] * kind.most_load)] * len(train.cars),
         rail=rail,
         onboard=onboard,
         command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * asked}],

@@ -1,8 +1,7 @@
 """A slip event under a rule and a readhesion controller as a cell of a study, and rows paired by event."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from functools import lru_cache
-from typing import Any
 
 import pandas as pd
 import xarray as xr
@@ -40,31 +39,6 @@ def cell(
         {"scenario": scenario.name, "rule": rule, "controller": controller, "seed": seed} | columns,
         tuple(sorted(origins | METRICS.origins())),
     )
-
-
-def crossed(
-    event: Callable[[int, int], Scenario],
-    draw: Callable[[int, int], Mapping[str, Any]],
-    drawn: Sequence[str],
-    rules: Sequence[str],
-    controllers: Sequence[str],
-    measure: Measure | None = None,
-) -> Callable[[int, int], list[Cell]]:
-    """The cells of a population: each event under every rule and controller, its number the seed of all of them.
-
-    `event`, `draw`: event k of a seed, and what is drawn for it, of which rows say what is named in `drawn`.
-    """
-
-    def cells(events: int, seed: int) -> list[Cell]:
-        return [
-            cell(one, rule, law, k, measure, **{name: draw(seed, k)[name] for name in drawn})
-            for k in range(events)
-            for one in [event(seed, k)]
-            for law in controllers
-            for rule in rules
-        ]
-
-    return cells
 
 
 def run(

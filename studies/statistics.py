@@ -83,14 +83,6 @@ def mean(values: Any) -> Interval:
     return Interval(float(x.mean()), float(low), float(high), x.size)
 
 
-def linearised(values: Any, base: Any) -> Any:
-    """Numbers whose mean is the sum of the values over that of their base, and which spread as this ratio does."""
-    if not len(values):
-        return values
-    whole = values.sum() / base.sum()
-    return whole + (values - whole * base) / base.mean()
-
-
 def share(true: Any) -> Interval:
     """Share of events in which something is true, with Wilson's interval."""
     x = np.asarray(true, dtype=bool)

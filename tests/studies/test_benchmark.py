@@ -114,3 +114,19 @@ def test_a_controller_is_ranked_where_units_act_alone(rows):
     assert by.loc["pi-creep", "tied"]
     assert gains.loc[0, "gain"].value == pytest.approx(0.0, abs=1e-5)
     assert np.isnan(gains.loc[gains["number"] == 0, "worst"]).all()
+
+
+def test_stored_rows_are_of_this_code():
+    stored = benchmark.stored()
+    assert stored["scenario"].nunique() >= 100
+    pairs = (
+        (1, "cooperative", "perturb-observe"),
+        (14, "exact-reported", "mpc"),
+        (9, "alone", "pi-creep"),
+    )
+    for k, rule, law in pairs:
+        row = benchmark.run(population.event(population.SEED, k), rule, law, k)
+        kept = stored[(stored["seed"] == k) & stored["knob"].isna()]
+        kept = kept[(kept["rule"] == rule) & (kept["controller"] == law)].iloc[0]
+        for name in benchmark.KEPT:
+            assert kept[name] == pytest.approx(row[name], rel=1e-3, abs=1e-4, nan_ok=True), name

@@ -25,7 +25,7 @@ POPULATIONS = {
     ),
     braking: (
         90,
-        "9f7c80a8b7761bde ce32067eb2361b03 9c89edc33f3fdfab",
+        "9f7c80a8b7761bde f5ea31c0b2035983 88223648d7a91ebb",
         {"residual_ratio": (0.3, 0.98), "peak_slip": (0.15, 0.8), "share": (0.4, 1.1),
          "end_kmh": (0.0, 35.0), "patch_factor": (0.5, 1.6), "grade_permille": (-20.0, 20.0),
          "radius_error": (0.0, 0.005), "failed_at_s": (0.0, 6.0), "day": (1, 2**31)},

@@ -14,7 +14,6 @@ from studies.statistics import (
     Claim,
     holm,
     judge,
-    linearised,
     mean,
     share,
     statement_table,
@@ -52,13 +51,8 @@ def test_texts_without_an_interval(values, text):
     assert mean(values).text() == text
 
 
-def test_shares_and_ratios():
+def test_a_share_has_the_interval_of_wilson():
     assert share([True] * 9 + [False]).low == pytest.approx(0.5958, abs=1e-4)  # Wilson 1927
-    x, y = draws(1), draws(2, centre=9.0)
-    found = mean(linearised(x, y))
-    assert found.value == pytest.approx(x.sum() / y.sum())
-    assert found.low < found.value < found.high
-    assert mean(linearised(y, y))[:3] == pytest.approx([1.0] * 3)
 
 
 def test_holm_tests_the_smallest_at_the_strictest_level():
