@@ -319,6 +319,7 @@ def figure(rows: pd.DataFrame) -> Figure:
         forest(axes, numbers, RULES, 0.0)
         axes.set(title=f"under {law}", xlabel="gain over alone [points]")
         axes.set_xscale("symlog", linthresh=1.0)
+        axes.set_xticks([-10, -1, 0, 1], ["\N{MINUS SIGN}10", "\N{MINUS SIGN}1", "0", "1"])
         if axes is not above[0]:
             axes.set_yticklabels([])
     points = front(rows)
