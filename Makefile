@@ -6,7 +6,8 @@ STAMP  := $(VENV)/.installed
 TOOLS  := $(VENV)/.tools-installed
 DOCS   := $(VENV)/.docs-installed
 INSTALL = $(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python -c constraints.txt -e
-STUDY  ?= claims braking learning readhesion_paper jp4209318 rtri jph07322414 mpc_parts measured
+STUDY  ?= claims braking learning readhesion_paper jp4209318 rtri jph07322414 \
+  tuning assumptions mpc_parts measured
 
 # small matrices everywhere: threads of BLAS would wait for each other
 export OPENBLAS_NUM_THREADS := 1
@@ -47,7 +48,7 @@ figures: $(STAMP)    ## draw the figures of the papers
 results: compare     ## compute the tables of the pages again, or those of one STUDY
 	cp results/compare/table.md docs/tables/compare-table.md
 	$(BIN)/readhesion benchmark --store docs/tables/benchmark.parquet > /dev/null
-	for table in table controllers front; do cp results/benchmark/$$table.md docs/tables/benchmark-$$table.md; done
+	for table in table controllers front statements; do cp results/benchmark/$$table.md docs/tables/benchmark-$$table.md; done
 	for study in $(STUDY); do $(BIN)/readhesion sweep $$study > /dev/null && \
 	  for table in table statements; do test ! -f results/$$study/$$table.md || \
 	    cp results/$$study/$$table.md docs/tables/$$study-$$table.md; done || exit; done

@@ -53,7 +53,6 @@ from studies.plugins import try_own_parts as _try_own_parts
 from studies.runs import recorded as _recorded
 from studies.scenario import Scenario
 from studies.scenario import load as load_scenario
-from studies.statistics import statement_table as _statement_table
 
 __version__ = _version("readhesion")
 __all__ = [
@@ -142,7 +141,7 @@ def sweep(
 ) -> _pd.DataFrame:
     """The rows of a study over random events; `readhesion list studies` names them, and a file may have one.
 
-    `attrs` have what the study makes of them: "table", and "statements" where it has some, as lists of rows. `out`, `jobs`:
+    `attrs` have what the study makes of them, as lists of rows: "table", and "statements" where it has some. `out`, `jobs`:
     as for `compare`.
     """
     for option, value, least in (
@@ -155,10 +154,7 @@ def sweep(
     with _tempfile.TemporaryDirectory() as folder:
         rows = _run_study(study, out or folder, events, seed, jobs)
     found = _tidy(rows)
-    found.attrs["table"] = study.table(rows).to_dict(orient="records")
-    if study.statements is not None:
-        table = _statement_table(study.statements(rows))
-        found.attrs["statements"] = table.to_dict(orient="records")
+    found.attrs |= {name: one.to_dict(orient="records") for name, one in study.tables(rows).items()}
     return found
 
 
@@ -177,16 +173,15 @@ def rank(
     """
     _check("events", events or 1, 1)
     _check("jobs", jobs, 1)
-    if under not in _benchmark.UNDER:
-        raise _StudyError(f"under = {under!r}: rows are stored of {', '.join(_benchmark.UNDER)}")
-    ((rule, law),) = _benchmark.parts_of(str(part))
-    pair = rule or _benchmark.BASE, law or under
-    _try_own_parts(pair[:1], pair[1:])
+    pairs = _benchmark.pairs_of(str(part), under)
+    if len(pairs) > 1:
+        raise _StudyError(f"{part}: it registers several parts; give the name of one")
+    study = _benchmark.own_study(*pairs[0])
     with _tempfile.TemporaryDirectory() as folder:
-        own = _run_study(_benchmark.own_study(*pair), out or folder, events, jobs=jobs)
-    places, gains = _benchmark.ranked(_benchmark.stored(), own, *pair)
-    places.attrs["gains"] = gains
-    return places
+        own = _run_study(study, out or folder, events, jobs=jobs)
+    tables = study.tables(own)
+    tables["table"].attrs["gains"] = tables["gains"].to_dict(orient="records")
+    return tables["table"]
 
 
 def plot(run: _xr.Dataset, path: str | _Path | None = None) -> _Any:

@@ -4,16 +4,13 @@ Rules meet every event under several controllers, controllers where units act al
 theirs at other values. The rows are stored in the repository, so that a part of one's own is ranked by its runs alone.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from alloc.compilation import ROOT
 from alloc.files import write_whole
@@ -22,12 +19,18 @@ from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.simulation import simulate
 from studies import StudyError, population, runs
-from studies.compare import MOST_OVER, NEGLIGIBLE
+from studies.compare import MOST_OVER, NEGLIGIBLE, knows_the_rail
 from studies.core import WIDE, Cell, Row, Study
-from studies.plugins import load_plugins
+from studies.plugins import load_plugins, try_own_parts
 from studies.row_key import LIBRARIES, decides
 from studies.scenario import Scenario
-from studies.statistics import Claim, Interval, Statement, forest, judge, mean, share
+from studies.statistics import Claim, Interval, Statement, forest, in_digits, judge, mean, share
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Parts = Mapping[str, "pd.Series[bool]"]
+"""Parts of the events by words, as truth by event."""
 
 # what is compared
 
@@ -85,17 +88,13 @@ def cells(events: int, seed: int) -> list[Cell]:
 def _cell(
     one: Scenario, rule: str, law: str, k: int, knob: tuple[str, float] | None = None, **about: Any
 ) -> Cell:
-    plain = runs.cell(one, _plain(rule), law, k, **about)
-    columns = {**plain.columns, "rule": rule, "knob": knob[1] if knob else None}
+    said = {"scenario": one.name, "rule": rule, "controller": law, "seed": k, **about}
     name = "/".join([one.name, rule, law, *map(str, knob or ())])
-    return plain._replace(name=name, args=(one, rule, law, k, knob), columns=columns)
+    sources = runs.sources(one, rule.removesuffix(REPORTED), law)
+    return Cell(name, (one, rule, law, k, knob), said | {"knob": knob and knob[1]}, sources)
 
 
 REPORTED = "-reported"
-
-
-def _plain(rule: str) -> str:
-    return rule.removesuffix(REPORTED)
 
 
 def run(
@@ -103,9 +102,9 @@ def run(
 ) -> Row:
     """The stored metrics of a run, and whether rule and controller worked; `knob`: a parameter at another value."""
     law = CONTROLLERS.find(controller).tuned(**dict([knob])) if knob else controller
-    shared = RULES.find(_plain(rule))
+    shared = RULES.find(rule.removesuffix(REPORTED))
     if rule.endswith(REPORTED):
-        shared = replace(shared, belief=RULES[SHARING].belief)
+        shared = shared.with_belief(RULES[SHARING].belief.name)
     found = simulate(runs.event_of(scenario, k), shared, law)
     numbers = evaluate(found)
     return {name: numbers[name] for name in KEPT} | runs.status(found)
@@ -120,12 +119,12 @@ STORED = ("docs/tables/benchmark.parquet", "studies/benchmark.parquet")
 def store(rows: pd.DataFrame, path: Path) -> None:
     """Write rows in little room, with what they were computed by."""
     kept = ["scenario", "seed", "rule", "controller", "knob", *population.STRATA, *KEPT, "status"]
-    small = rows[kept].astype(dict.fromkeys(["knob", *KEPT], "float32"))
+    small = rows[kept].astype({"knob": float} | dict.fromkeys(KEPT, "float32"))
     small.attrs = {"sources": decides(run), **{name: version(name) for name in LIBRARIES}}
-    writes = partial(small.to_parquet, index=False, compression="zstd")
-    write_whole(path, lambda aside: writes(aside))
+    write_whole(path, partial(small.to_parquet, index=False, compression="zstd"))
 
 
+@cache
 def stored() -> pd.DataFrame:
     """The stored rows; `attrs` say what computed them. Raises `StudyError` where there are none."""
     for one in STORED:
@@ -134,9 +133,9 @@ def stored() -> pd.DataFrame:
     raise StudyError(f"{ROOT / STORED[0]} is missing; run readhesion benchmark")
 
 
-def is_stale(rows: pd.DataFrame) -> bool:
-    """Whether stored rows were computed by other sources than these."""
-    return bool(rows.attrs.get("sources") != decides(run))
+def is_stale() -> bool:
+    """Whether the stored rows were computed by other sources than these."""
+    return bool(stored().attrs.get("sources") != decides(run))
 
 
 # what comes out
@@ -151,8 +150,8 @@ def used(rows: pd.DataFrame, controller: str, metric: str = "bound_use") -> pd.D
     return runs.complete(own).pivot(index="scenario", columns="rule", values=metric)
 
 
-def strata(rows: pd.DataFrame) -> "dict[str, pd.Series[bool]]":
-    """Parts of the events, as truth by event: headroom, case, fleet, noise, lag, what is special."""
+def strata(rows: pd.DataFrame) -> Parts:
+    """Parts of the events: headroom, case, fleet, noise, lag, what is special."""
     first = rows.drop_duplicates("scenario").set_index("scenario")
     room = used(rows, SEARCH, "headroom")[BOUND].reindex(first.index)
     parts = {"headroom above 1 point": room > 0.01}
@@ -169,77 +168,89 @@ def strata(rows: pd.DataFrame) -> "dict[str, pd.Series[bool]]":
     return parts
 
 
-def _line(gain: "pd.Series[float]", parts: "Mapping[str, pd.Series[bool]]") -> Row:
+def _within(parts: Parts, events: pd.Index, names: Iterable[str] = ()) -> Parts:
+    """Parts of these events: all, or those of these names."""
+    return {name: parts[name].reindex(events, fill_value=False) for name in names or parts}
+
+
+def _line(gain: "pd.Series[float]", parts: Parts, names: Iterable[str]) -> Row:
     """What a row of a table says of gains [points] by event."""
-    some = {name: mean(gain[parts[name].reindex(gain.index)]).text(2, sign=True) for name in parts}
-    worst = f"{gain.min():+.1f}".replace("-", "\N{MINUS SIGN}") if len(gain) else "–"
+    within = _within(parts, gain.index, names)
+    some = {name: mean(gain[true]).text(2, sign=True) for name, true in within.items()}
     harmed = share(gain < -WORSE).text(0, 100.0)
-    return {**some, "worst [points]": worst, "harmed [% of events]": harmed}
+    return some | {
+        "worst [points]": in_digits(gain.min(), 1, True),
+        "harmed [% of events]": harmed,
+    }
 
 
 SHOWN = ("headroom above 1 point", "starts", "receptive stops", "blended stops")
-COSTS = {"damage": "Q over alone [kJ]", "slip_time": "slip over alone [axle s]"}
+COSTS = {
+    "damage": ("Q over alone [kJ]", 1),
+    "slip_time": ("slip over alone [axle s]", 1),
+    "time_lost": ("time lost over alone [s]", 2),
+    "distance_lost": ("way lost over alone [m]", 1),
+}
+"""Metrics of which a table has what a rule adds to `BASE`: words and digits."""
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Every rule under every controller: use of the bound, gain over `BASE` and where, worst case, costs."""
-    parts, lines = {name: strata(rows)[name] for name in SHOWN}, []
+    parts, lines = strata(rows), []
     for law, rules in UNDER.items():
-        found = {name: used(rows, law, name) for name in KEPT}
+        found = {
+            name: used(rows, law, name)
+            for name in ("bound_use", "over_delivery", "event_excess", *COSTS)
+        }
         for rule in rules:
-            own = found["bound_use"]
-            gain = 100.0 * (own[rule] - own[BASE])
+            own = 100.0 * found["bound_use"][rule]
+            gain = own - 100.0 * found["bound_use"][BASE]
             line: Row = {"controller": law, "rule": rule, "told": _told(rule), "events": len(own)}
-            line["used [%]"] = mean(100.0 * own[rule]).text(1)
+            line["used [%]"] = mean(own).text(1)
             line["gain over alone [points]"] = mean(gain).text(2, sign=True)
-            line |= _line(gain, parts)
-            for name, words in COSTS.items():
-                line[words] = mean(found[name][rule] - found[name][BASE]).text(1, sign=True)
+            line |= _line(gain, parts, SHOWN)
             line["beyond the plan [%]"] = mean(100.0 * found["over_delivery"][rule]).text(2)
-            line["Q over the least of its impulse [%, median]"] = _median(
-                found, "event_excess", rule
-            )
-            lost = found["time_lost"][rule].fillna(0.0) - found["time_lost"][BASE].fillna(0.0)
-            line["time lost over alone [s]"] = mean(lost[found["time_lost"][rule].notna()]).text(
-                2, sign=True
-            )
-            way = found["distance_lost"][rule] - found["distance_lost"][BASE]
-            line["way lost over alone [m]"] = mean(way).text(1, sign=True)
+            excess = 100.0 * found["event_excess"][rule].median()
+            line["Q over the least of its impulse [%, median]"] = in_digits(excess, 0, False)
+            for name, (words, digits) in COSTS.items():
+                less = mean(found[name][rule] - found[name][BASE])
+                line[words] = less.text(digits, sign=True)
             lines.append(line)
     return pd.DataFrame(lines)
-
-
-def _median(found: Mapping[str, pd.DataFrame], name: str, rule: str) -> str:
-    return f"{100.0 * found[name][rule].median():.0f}"
 
 
 def _told(rule: str) -> str:
     return next((words for words, alike in TOLD_ALIKE.items() if rule in alike), "–")
 
 
-def alone(rows: pd.DataFrame) -> "dict[str, pd.DataFrame]":
-    """By metric, a row for each event and a column for each controller, where units act alone."""
-    own = runs.complete(rows[(rows["rule"] == BASE) & rows["knob"].isna()])
-    return {name: own.pivot(index="scenario", columns="controller", values=name) for name in KEPT}
+def alone(rows: pd.DataFrame, metric: str = "bound_use") -> pd.DataFrame:
+    """As `used`, where units act alone, and with a column for each controller."""
+    own = rows[(rows["rule"] == BASE) & rows["knob"].isna()]
+    return runs.complete(own).pivot(index="scenario", columns="controller", values=metric)
+
+
+SPENT = {
+    "damage": ("Q [kJ]", 0),
+    "slip_time": ("slip [axle s]", 1),
+    "jerk_rms": ("jerk [m/s3]", 2),
+    "locked_time": ("locked [axle s]", 2),
+}
+"""Metrics of which a table has what a controller costs: words and digits."""
 
 
 def controllers(rows: pd.DataFrame) -> pd.DataFrame:
     """Every controller where units act alone, the best first; gains are over perturb-observe."""
-    parts, found = strata(rows), alone(rows)
-    order = found["bound_use"].mean().sort_values(ascending=False).index
+    parts, every = strata(rows), 100.0 * alone(rows)
+    costs = {name: alone(rows, name) for name in SPENT}
     names = ("starts", "receptive stops", "blended stops", "locomotives", "noise above 0.05 km/h")
     lines = []
-    for law in order:
-        own = 100.0 * found["bound_use"][law]
-        gain = own - 100.0 * found["bound_use"][SEARCH]
+    for law in every.mean().sort_values(ascending=False).index:
+        own, gain = every[law], every[law] - every[SEARCH]
         line: Row = {"controller": law, "events": len(own), "used [%]": mean(own).text(1)}
         line["over perturb-observe [points]"] = mean(gain).text(2, sign=True)
-        line |= _line(gain, {name: parts[name] for name in names})
-        for name, (words, digits) in {
-            "damage": ("Q [kJ]", 0), "slip_time": ("slip [axle s]", 1), "jerk_rms": ("jerk [m/s3]", 2),
-            "locked_time": ("locked [axle s]", 2),
-        }.items():  # fmt: skip
-            line[words] = mean(found[name][law]).text(digits)
+        line |= _line(gain, parts, names)
+        for name, (words, digits) in SPENT.items():
+            line[words] = mean(costs[name][law]).text(digits)
         lines.append(line)
     return pd.DataFrame(lines)
 
@@ -286,36 +297,29 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
         for rule in [one for one in rules if one not in (BASE, BOUND)]:
             text = "uses more of the bound than alone [points]"
             claims.append(Claim(f"{rule}, {law}", text, own[rule] - own[BASE], 0.0, digits=2,
-                                parts=_within(parts, own)))  # fmt: skip
-    own = 100.0 * alone(rows)["bound_use"]
+                                parts=_within(parts, own.index)))  # fmt: skip
+    own = 100.0 * alone(rows)
     for name, other, source in SAID:
         text = f"uses more of the bound than {other} ({source}) [points]"
         claims.append(Claim(f"{name} over {other}", text, own[name] - own[other], 0.0, digits=2,
-                            parts=_within(parts, own)))  # fmt: skip
+                            parts=_within(parts, own.index)))  # fmt: skip
     return judge(claims)
 
 
-def _within(
-    parts: "Mapping[str, pd.Series[bool]]", own: pd.DataFrame
-) -> "dict[str, pd.Series[bool]]":
-    """Parts of the events that a table has."""
-    return {name: true.reindex(own.index, fill_value=False) for name, true in parts.items()}
-
-
-def figure(rows: pd.DataFrame) -> Figure:
+def figure(rows: pd.DataFrame) -> "Figure":
     """Gain of each rule over `BASE` under each controller, and the fronts of the controllers."""
+    from matplotlib.figure import Figure
+
     drawn = Figure(figsize=(WIDE, 5.6), layout="constrained")
     above, below = drawn.subplots(2, 3, height_ratios=(3, 2))
-    wide = strata(rows)[SHOWN[0]]
+    parts = strata(rows)
     for axes, law in zip(above, UNDER, strict=True):
-        own = used(rows, law)
-        numbers: dict[str, list[Interval]] = {}
-        for rule in SHARERS:
-            if rule not in UNDER[law]:
-                numbers[rule] = []
-                continue
-            gain = 100.0 * (own[rule] - own[BASE])
-            numbers[rule] = [mean(gain), mean(gain[wide.reindex(gain.index)])]
+        own = 100.0 * used(rows, law)
+        (wide,) = _within(parts, own.index, SHOWN[:1]).values()
+        numbers: dict[str, list[Interval]] = {rule: [] for rule in SHARERS}
+        for rule in set(SHARERS) & set(UNDER[law]):
+            gain = own[rule] - own[BASE]
+            numbers[rule] = [mean(gain), mean(gain[wide])]
         forest(axes, numbers, RULES, 0.0)
         axes.set(title=f"under {law}", xlabel="gain over alone [points]")
         axes.set_xscale("symlog", linthresh=1.0)
@@ -345,103 +349,123 @@ STUDY = Study(
     statements,
     events=population.EVENTS,
     seed=population.SEED,
+    others={"controllers": controllers, "front": front},
 )
 
 # the place of a part of one's own
 
 
-def ranked(
-    rows: pd.DataFrame, own: pd.DataFrame, rule: str, controller: str
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The place of rows of one's `own` part among those stored, of the pair `rule` and `controller`, over the same events.
+def named(rule: str, controller: str) -> tuple[str, str]:
+    """Which part of a pair is ranked, a controller where units act alone, and what it is compared with."""
+    return (controller, SEARCH) if rule == BASE else (rule, BASE)
 
-    One table has every part beside it, the best first: used, difference of one's own with its interval, worst case, share
-    of events harmed; `tied` where they cannot be told apart. The other has one's own gain over the stored reference, by
-    strata: for a rule this is `BASE` under the same controller, for a controller perturb-observe alone.
+
+def _beside(
+    rows: pd.DataFrame, own: pd.DataFrame, rule: str, controller: str, metric: str = "bound_use"
+) -> tuple["pd.Series[float]", pd.DataFrame]:
+    """A metric of one's own pair, and that of the stored parts beside it over the same events."""
+    good = own[own["status"] == "ok"].set_index("scenario")[metric].astype("float32")
+    same = rows[rows["scenario"].isin(good.index)]
+    others = alone(same, metric) if rule == BASE else used(same, controller, metric)
+    return good[others.index], others
+
+
+def places(rows: pd.DataFrame, own: pd.DataFrame, rule: str, controller: str) -> pd.DataFrame:
+    """One's `own` pair of `rule` and `controller` among those stored, a row for each part, the best first.
+
+    `used` [%]; `less`, by how much one's own is ahead [points], with its interval; `tied` where they cannot be told apart;
+    `mark`, see `told`.
     """
-    is_rule = controller in UNDER and rule not in ("", BASE)
-    both = rows[rows["scenario"].isin(own["scenario"])]
-    both = both[both["knob"].isna()]
-    if is_rule:
-        others = used(both, controller)
-        over, reference = used(both, controller, "over_delivery"), BASE
-    else:
-        found = alone(both)
-        others, over, reference = found["bound_use"], found["over_delivery"], SEARCH
-    good = own[own["status"] == "ok"].set_index("scenario")
-    mine, name = good["bound_use"], rule if is_rule else controller
-    others, over = others.reindex(mine.index).dropna(), over.reindex(mine.index)
-    mine = mine.reindex(others.index).astype("float32")
-    lines = [_standing(name, mine, mine, float(good["over_delivery"].mean()))]
-    lines += [
-        _standing(one, mine, others[one], float(over[one].mean())) for one in others if one != name
-    ]
-    places = pd.DataFrame(lines).sort_values("used", ascending=False, kind="stable")
-    gain = 100.0 * (mine - others[reference])
-    parts = {"all": pd.Series(True, mine.index)} | strata(both)
-    by = {words: true.reindex(mine.index, fill_value=False) for words, true in parts.items()}
-    gains = [{"events": words, "number": int(true.sum()), "gain": mean(gain[true]),
-              "worst": float(gain[true].min()) if true.any() else np.nan,
-              "harmed": share(gain[true] < -WORSE)} for words, true in by.items()]  # fmt: skip
-    return places.reset_index(drop=True), pd.DataFrame(gains)
+    (mine, others), (own_over, over) = (
+        _beside(rows, own, rule, controller, metric) for metric in ("bound_use", "over_delivery")
+    )
+    name, _ = named(rule, controller)
+    found, lines = {**others, name: mine}, []
+    for one, values in found.items():
+        less, beyond = mean(100.0 * (mine - values)), own_over if one == name else over[one]
+        mark = "°" if knows_the_rail(one) else "*" if beyond.mean() > MOST_OVER else ""
+        lines.append({
+            "name": one, "used": 100.0 * float(values.mean()), "less": less.value, "low": less.low, "high": less.high,
+            "tied": bool(less.low <= 0.0 <= less.high or abs(less.value) < 100.0 * NEGLIGIBLE), "mark": mark,
+        })  # fmt: skip
+    made = pd.DataFrame(lines).sort_values("used", ascending=False, kind="stable")
+    return made.reset_index(drop=True)
 
 
-def _standing(
-    name: str, mine: "pd.Series[float]", other: "pd.Series[float]", over: float
-) -> dict[str, Any]:
-    less: Interval = mean(100.0 * (mine - other))
-    tied = bool(less.low <= 0.0 <= less.high or abs(less.value) < 100.0 * NEGLIGIBLE)
-    knows = name in RULES and RULES[name].belief.knows
-    mark = "°" if knows else "*" if over > MOST_OVER else ""
-    return {
-        "name": name,
-        "used": 100.0 * float(other.mean()),
-        "less": less,
-        "tied": tied,
-        "mark": mark,
-    }
+def gains(rows: pd.DataFrame, own: pd.DataFrame, rule: str, controller: str) -> pd.DataFrame:
+    """Gain of one's own over what it is compared with, see `named`, by parts of the events: mean with interval [points],
+    worst case, share of events harmed."""
+    mine, others = _beside(rows, own, rule, controller)
+    gain = 100.0 * (mine - others[named(rule, controller)[1]])
+    lines = []
+    for words, true in {"all": gain.notna(), **_within(strata(rows), gain.index)}.items():
+        some = gain[true]
+        found, harmed = mean(some), share(some < -WORSE)
+        lines.append({
+            "events": words, "number": len(some), "gain": found.value, "low": found.low, "high": found.high,
+            "worst": some.min(), "harmed": harmed.value,
+        })  # fmt: skip
+    return pd.DataFrame(lines)
 
 
 def own_study(rule: str, controller: str) -> Study:
-    """The runs of one pair on the population, as a study whose rows are kept."""
+    """The runs of one pair on the population, and its place among the stored ones. Raises `StudyError`: see `stored`."""
 
     def own_cells(events: int, seed: int) -> list[Cell]:
         return [_cell(population.event(seed, k), rule, controller, k) for k in range(events)]
 
-    about = f"rank-{rule}-{controller}", "the place of one pair", own_cells, run, pd.DataFrame
-    return Study(*about, events=population.EVENTS, seed=population.SEED)
+    rows = stored()
+    return Study(
+        f"rank-{rule}-{controller}",
+        f"where {named(rule, controller)[0]} stands among all",
+        own_cells,
+        run,
+        lambda own: places(rows, own, rule, controller),
+        others={"gains": lambda own: gains(rows, own, rule, controller)},
+        events=population.EVENTS,
+        seed=population.SEED,
+    )
 
 
-def parts_of(file: str) -> list[tuple[str, str]]:
-    """Rule and controller of each part that a file registers, or of a registered name; "" for the one left open.
+def pairs_of(part: str, under: str) -> list[tuple[str, str]]:
+    """Pairs of rule and controller that rank the parts of a file, or the part of this name; rules run `under` a controller.
 
-    Raises `InputError` where there is none.
+    Raises `InputError` for a part that does not exist or does not work, and a controller of which no rules are stored.
     """
-    names: list[str] = [file]
-    if file.endswith(".py"):
-        (module,) = load_plugins([file])
+    if under not in UNDER:
+        raise StudyError(f"--under {under}: rows are stored of {', '.join(UNDER)}")
+    names = [part]
+    if part.endswith(".py"):
+        (module,) = load_plugins([part])
         names = [one for registry in (RULES, CONTROLLERS) for one in registry
                  if registry.origin(one) == module.__name__]  # fmt: skip
         if not names:
-            raise StudyError(f"{file}: it registers no rule and no controller")
-    return [("", one) if one in CONTROLLERS else (RULES.find(one).name, "") for one in names]
+            raise StudyError(f"{part}: it registers no rule and no controller")
+    found = [(BASE, one) if one in CONTROLLERS else (RULES.find(one).name, under) for one in names]
+    try_own_parts(*zip(*found, strict=True))
+    return found
 
 
-def told(places: pd.DataFrame, gains: pd.DataFrame, name: str, reference: str) -> Sequence[str]:
-    """Both tables of `ranked` for a terminal of 80 columns."""
-    place, said = 0, [f"{'place':>5}  {'':16} {'used %':>7}  {name + ' less it [95 %]':>24}"]
+def told(pair: tuple[str, str], tables: Mapping[str, pd.DataFrame]) -> Sequence[str]:
+    """The tables of `own_study`, for a terminal of 80 columns."""
+    (name, reference), (places, gains) = named(*pair), tables.values()
+    under = "where units act alone" if pair[0] == BASE else f"under {pair[1]}"
+    said = [f"{name} {under}"]
+    place = 0
+    said += [f"{'place':>5}  {'':16} {'used %':>7}  {name + ' less it [95 %]':>24}"]
     for one in places.itertuples():
         place += one.mark == ""
         shown = "" if one.mark else f"{place}{'=' if one.tied else ''}"
-        less = "" if one.name == name else one.less.text(2, sign=True)
+        found = Interval(one.less, one.low, one.high, gains["number"].max())
+        less = "" if one.name == name else found.text(2, sign=True)
         own = ">" if one.name == name else " "
         said.append(f"{own}{shown:>4}  {one.name + one.mark:16} {one.used:7.1f}  {less:>24}")
     said += ["", f"{name} less {reference}:"]
     said.append(f"  {'events':28}  {'points [95 %]':>22} {'worst':>6} {'harmed %':>10}")
     for one in gains.itertuples():
-        harmed = "" if not one.number else f"{100.0 * one.harmed.value:.0f}"
-        worst = "" if np.isnan(one.worst) else f"{one.worst:+.1f}".replace("-", "\N{MINUS SIGN}")
-        gain = one.gain.text(2, sign=True)
+        harmed = in_digits(100.0 * one.harmed, 0, False) if one.number else ""
+        worst = in_digits(one.worst, 1, True) if one.number else ""
+        gain = Interval(one.gain, one.low, one.high, one.number).text(2, sign=True)
         said.append(f"  {one.events:24}{one.number:>4}  {gain:>22} {worst:>6} {harmed:>10}")
     text = "\n".join(said)
     marks = {

@@ -92,8 +92,8 @@ class Work:
 
     def rows(
         self, study: "Study", folder: Path, events: int | None = None, seed: int | None = None
-    ) -> "pd.DataFrame | None":
-        """The rows of a study, written as they are, and as tables and figure; of a dry run None, and a forecast."""
+    ) -> "tuple[pd.DataFrame, dict[str, pd.DataFrame]] | None":
+        """The rows of a study and its tables, written with its figure; of a dry run None, and a forecast."""
         from paper_figs import styled
         from studies.core import cores, missing, run_study, write_results
 
@@ -109,8 +109,7 @@ class Work:
         given = jobs, self.scheduler, self.retry_failed
         rows = run_study(study, folder, events, seed, *given, quiet=False)
         with styled():
-            write_results(study, rows, folder)
-        return rows
+            return rows, write_results(study, rows, folder)
 
 
 @Parameter(name="*")
@@ -158,9 +157,10 @@ def compare(
         for one in chosen.scenarios:
             _say(*remarks(one.event()))
         try_own_parts(chosen.rules, chosen.controllers)
-    rows = work.rows(comparison.study_of(chosen), folder)
-    if rows is None:
+    made = work.rows(comparison.study_of(chosen), folder)
+    if made is None:
         return 0
+    rows, _ = made
     if work.as_json:
         _print_json(comparison.as_json(rows))
     else:
@@ -252,27 +252,9 @@ def sweep(
         seed: Seed of what is drawn [default: that of the study].
     """
     from studies.catalogue import find_study
-    from studies.core import markdown
-    from studies.statistics import statement_table, told
 
     found = find_study(study)
-    rows = work.rows(found, work.out / found.name, events, seed)
-    if rows is None:
-        return 0
-    if not (rows["status"] == "ok").any():
-        _say(f"all of {found.name} failed: {rows['reason'].iloc[0]}")
-        return FAILED
-    tables = {"table": found.table(rows)}
-    if found.statements is not None:
-        tables["statements"] = statement_table(found.statements(rows))
-    if work.as_json:
-        _print_json({k: json.loads(one.to_json(orient="records")) for k, one in tables.items()})
-    else:
-        shown = [told(one) if kind == "statements" else one for kind, one in tables.items()]
-        print("\n".join([found.question, "", *map(markdown, shown)]))
-        made = "tables and figure" if found.figure else "tables"
-        print(f"{_counted(rows)}, {made} in {work.out / found.name}")
-    return 0
+    return _asked(found, work.out / found.name, events, seed, work)
 
 
 @app.command
@@ -290,26 +272,16 @@ def benchmark(
         seed: Seed of the population [default: that of the stored rows].
         store: File for the rows that `readhesion rank` compares with (parquet).
     """
+    import pandas as pd
+
     from studies import benchmark as bench
-    from studies.core import markdown, write_table
 
     _check_file(store, ".parquet")
     folder = work.out / "benchmark"
-    rows = work.rows(bench.STUDY, folder, events, seed)
-    if rows is None:
-        return 0
-    tables = {"controllers": bench.controllers(rows), "front": bench.front(rows)}
-    for name, one in tables.items():
-        write_table(one, folder / name)
-    tables = {"table": bench.table(rows), **tables}
-    if store is not None:
-        bench.store(rows, store)
-    if work.as_json:
-        _print_json({k: json.loads(one.to_json(orient="records")) for k, one in tables.items()})
-    else:
-        print("\n".join([bench.QUESTION, "", *map(markdown, tables.values())]))
-        print(f"{_counted(rows)}, tables and figure in {folder}")
-    return 0
+    code = _asked(bench.STUDY, folder, events, seed, work)
+    if store is not None and not work.dry_run and code == 0:
+        bench.store(pd.read_parquet(folder / "rows.parquet"), store)
+    return code
 
 
 @app.command
@@ -330,36 +302,59 @@ def rank(
         events: Number of events, the first [default: all 500].
     """
     from studies import benchmark as bench
-    from studies.plugins import try_own_parts
 
-    if under not in bench.UNDER:
-        raise StudyError(f"--under {under}: rows are stored of {', '.join(bench.UNDER)}")
-    said, pairs = {}, bench.parts_of(part)
-    rows = bench.stored()
-    for own_rule, own_law in pairs:
-        name, pair = own_rule or own_law, (own_rule or bench.BASE, own_law or under)
-        try_own_parts(pair[:1], pair[1:])
-        own = work.rows(bench.own_study(*pair), work.out / "rank" / name, events)
-        if own is None:
+    said = {}
+    for pair in bench.pairs_of(part, under):
+        study = bench.own_study(*pair)
+        made = work.rows(study, work.out / study.name, events)
+        if made is None:
             continue
-        if not (own["status"] == "ok").any():
-            _say(f"all runs of {name} failed: {own['reason'].iloc[0]}")
-            return FAILED
-        places, gains = bench.ranked(rows, own, *pair)
+        rows, tables = made
+        if not tables:
+            return _all_failed(study, rows)
         if work.as_json:
-            said[name] = {"places": places.to_dict("records"), "gains": gains.to_dict("records")}
-            continue
-        reference = bench.BASE if own_rule else bench.SEARCH
-        told = f"under {under}" if own_rule else "where units act alone"
-        print(f"{name} {told}, {_counted(own)}")
-        print("\n".join(bench.told(places, gains, name, reference)))
-        if bench.is_stale(rows):
-            _say(
-                "the stored rows are of other sources of alloc or mpc; readhesion benchmark computes them anew"
-            )
+            said[bench.named(*pair)[0]] = _plain(tables)
+        else:
+            print("\n".join(bench.told(pair, tables)))
+            print(f"{_counted(rows)} in {work.out / study.name}")
     if work.as_json:
         _print_json(said)
+    if bench.is_stale():
+        _say(
+            "the stored rows are of other sources of alloc or mpc; readhesion benchmark computes them anew"
+        )
     return 0
+
+
+def _asked(study: "Study", folder: Path, events: int | None, seed: int | None, work: Sweep) -> int:
+    """Run a study and print its tables; the exit code."""
+    from studies.core import markdown
+    from studies.statistics import told
+
+    made = work.rows(study, folder, events, seed)
+    if made is None:
+        return 0
+    rows, tables = made
+    if not tables:
+        return _all_failed(study, rows)
+    if work.as_json:
+        _print_json(_plain(tables))
+    else:
+        shown = [told(one) if kind == "statements" else one for kind, one in tables.items()]
+        print("\n".join([study.question, "", *map(markdown, shown)]))
+        written = "tables and figure" if study.figure else "tables"
+        print(f"{_counted(rows)}, {written} in {folder}")
+    return 0
+
+
+def _plain(tables: "dict[str, pd.DataFrame]") -> dict[str, Any]:
+    """Tables as JSON has them."""
+    return {name: json.loads(one.to_json(orient="records")) for name, one in tables.items()}
+
+
+def _all_failed(study: "Study", rows: "pd.DataFrame") -> int:
+    _say(f"all of {study.name} failed: {rows['reason'].iloc[0]}")
+    return FAILED
 
 
 @app.command

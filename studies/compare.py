@@ -137,7 +137,7 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
         return mean(means[name, rule] - means[name, other] if other in rules else [])
 
     over, gaps = means["over_delivery"].mean(), rows.groupby("rule")["rule_gap"].max()
-    marks = {rule: "°" if _knows_the_rail(rule) else "*" if over[rule] > MOST_OVER else ""
+    marks = {rule: "°" if knows_the_rail(rule) else "*" if over[rule] > MOST_OVER else ""
              for rule in rules}  # fmt: skip
     ranked = [rule for rule in rules if not marks[rule]]
     best = str(means[EFFORT][ranked].mean().idxmax()) if ranked else ""
@@ -165,7 +165,7 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
     return sorted(found, key=lambda one: -one.used.value)
 
 
-def _knows_the_rail(rule: str) -> bool:
+def knows_the_rail(rule: str) -> bool:
     """Of a rule that is registered; rows of a plug-in may be read without it."""
     return rule in RULES and RULES[rule].belief.knows
 
@@ -241,7 +241,7 @@ def answer(found: Sequence[Standing]) -> str:
         tied = [one for one in own if one.tied]
         if len(own) < 2 or not tied or not tied[0].gain.events:
             continue
-        bound = next((one for one in own if _knows_the_rail(one.rule)), None)
+        bound = next((one for one in own if knows_the_rail(one.rule)), None)
         names = ", ".join(one.rule for one in tied[:3])
         names += f" and {len(tied) - 3} more" if len(tied) > 3 else ""
         told = "cannot be told apart" if len(tied) > 1 else "uses most"

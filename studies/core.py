@@ -17,7 +17,7 @@ import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import closing, contextmanager, redirect_stdout, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -70,6 +70,16 @@ class Study:
     events: int = 100
     seed: int = 0
     """How many, and of which seed, where nobody says it: those of the stored tables."""
+    others: Mapping[str, Callable[[pd.DataFrame], pd.DataFrame]] = field(default_factory=dict)
+    """Further tables of the same rows, by name."""
+
+    def tables(self, rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
+        """Everything that is made of the rows as a table, by name: first "table", last "statements"."""
+        made = {"table": self.table, **self.others}
+        found = {name: make(rows) for name, make in made.items()}
+        if self.statements is not None:
+            found["statements"] = statement_table(self.statements(rows))
+        return found
 
     def keyed(self, events: int | None, seed: int | None) -> dict[str, Cell]:
         """The cells of so many events of this seed, by their keys; None stands for the study's own."""
@@ -292,18 +302,19 @@ def missing(
 # what is written
 
 
-def write_results(study: Study, rows: pd.DataFrame, folder: str | Path) -> None:
-    """The rows of a run as `rows.parquet`, and what the study makes of them: table, statements, figure.pdf."""
+def write_results(study: Study, rows: pd.DataFrame, folder: str | Path) -> dict[str, pd.DataFrame]:
+    """Write the rows of a run as `rows.parquet`, and what the study makes of them: its tables, which are returned, and
+    figure.pdf; nothing where all runs failed."""
     folder = Path(folder)
     write_whole(folder / "rows.parquet", lambda aside: rows.to_parquet(aside, index=False))
     if not (rows["status"] == "ok").any():
-        return
-    write_table(study.table(rows), folder / "table")
-    if study.statements is not None:
-        table = statement_table(study.statements(rows))
-        write_table(table, folder / "statements", told(table))
+        return {}
+    tables = study.tables(rows)
+    for name, one in tables.items():
+        write_table(one, folder / name, told(one) if name == "statements" else None)
     if study.figure is not None:
         write_whole(folder / "figure.pdf", study.figure(rows).savefig)
+    return tables
 
 
 def write_table(

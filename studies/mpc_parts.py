@@ -4,6 +4,7 @@ Search and horizon of "mpc" and of "perturb-observe" in every pairing, and less 
 """
 
 from dataclasses import replace
+from functools import cache
 
 import pandas as pd
 
@@ -82,6 +83,7 @@ def inversion(unit, axles, memory, run):
     command(unit, axles, m, solved, run)
 
 
+@cache
 def exchanged() -> dict[str, Controller]:
     """Controllers with parts of "mpc" and of "perturb-observe", by what they are."""
     own = CONTROLLERS["mpc"]

@@ -118,8 +118,7 @@ def train_of(seed: int, k: int) -> e.Keys:
         formation, driving = "L" + "T" * coaches + "L" * d["last_drives"], "L"
     else:
         most = d["units"] if d["fleet"] == "multiple unit" else min(d["units"], 8.0)
-        motor_cars = max(1 if per_car > 1 else 2, round(most / per_car), 2 if per_car == 1 else 1)
-        motor_cars = max(motor_cars, 2 if d["group"] == "1C4M" else 1)
+        motor_cars = max(2 if per_car == 1 else 1, round(most / per_car))
         if d["fleet"] == "railcar":
             motor_cars = min(motor_cars, 2)
         formation, driving = _spread(motor_cars, round(d["trailers"] * motor_cars)), "M"
@@ -198,7 +197,7 @@ def event(seed: int, k: int) -> Scenario:
              zip(train_keys["formation"], e.loads(d, len(train.cars)), strict=True)]  # fmt: skip
     # the plan of a stop is every axle's, that of a start the driven ones'
     driven = sum(sum(car.driven) for car in train.cars)
-    needs = abs(asked) / GRAVITY * (1.0 if stop else 1.08 * _over_driven(train, driven))
+    needs = abs(asked) / GRAVITY * (1.0 if stop else 1.08 * _over_driven(train))
     meets = max(e.START_SPEED, speed)
     rail = e.offering({"kind": d["curve"]} | d["shape"], d["offered"] * needs, train, meets)
     level = rail["level"]
@@ -248,10 +247,10 @@ def event(seed: int, k: int) -> Scenario:
     return parse(found, f"event {k} of seed {seed}")
 
 
-def _over_driven(train: Train, driven: int) -> float:
+def _over_driven(train: Train) -> float:
     """Mass of the train over that on its driven axles."""
     on_them = sum(car.mass * sum(car.driven) / len(car.driven) for car in train.cars)
-    return train.mass / on_them if driven else 1.0
+    return train.mass / on_them
 
 
 def _patches(d: e.Drawn, train: Train, speed: float, begin: float) -> list[e.Keys]:

@@ -32,13 +32,18 @@ def cell(
     **columns: object,
 ) -> Cell:
     """A run as a cell; its rows say the event, the rule, the controller, the seed, and `columns`."""
-    origins = {RULES.origin(rule), CONTROLLERS.origin(controller), *scenario.sources}
     return Cell(
         f"{scenario.name}/{rule}/{controller}/{seed}",
         (scenario, rule, controller, seed, measure),
         {"scenario": scenario.name, "rule": rule, "controller": controller, "seed": seed} | columns,
-        tuple(sorted(origins | METRICS.origins())),
+        sources(scenario, rule, controller),
     )
+
+
+def sources(scenario: Scenario, rule: str, controller: str) -> tuple[str, ...]:
+    """Modules of the parts of a run, see `Cell.sources`."""
+    origins = {RULES.origin(rule), CONTROLLERS.origin(controller), *scenario.sources}
+    return tuple(sorted(origins | METRICS.origins()))
 
 
 def run(

@@ -39,8 +39,8 @@ class Interval(NamedTuple):
         """Such as ``+1.25 [0.98, 1.51]``; the value alone where there are few events or no spread."""
         if self.events == 0 or np.isnan(self.value):
             return "–"
-        value = _text(scale * self.value, digits, sign)
-        low, high = (_text(scale * bound, digits, False) for bound in (self.low, self.high))
+        value = in_digits(scale * self.value, digits, sign)
+        low, high = (in_digits(scale * bound, digits, False) for bound in (self.low, self.high))
         told = self.events >= SHOWN and self.low < self.high
         return f"{value} [{low}, {high}]" if told else value
 
@@ -49,7 +49,7 @@ class Interval(NamedTuple):
         return Interval(scale * self.value, scale * self.low, scale * self.high, self.events)
 
 
-def _text(value: float, digits: int, sign: bool) -> str:
+def in_digits(value: float, digits: int, sign: bool) -> str:
     """A number with the typographic minus, and without one before a zero."""
     rounded = round(value, digits) + 0.0
     told = f"{rounded:+.{digits}f}" if sign else f"{rounded:.{digits}f}"
@@ -254,7 +254,7 @@ def statement_table(statements: Sequence[Statement]) -> pd.DataFrame:
     for one in statements:
         claim = one.claim
         bounds = ((">", claim.least), ("<", claim.most))
-        told = [f"{sign} {_text(claim.scale * bound, claim.digits, False)}"
+        told = [f"{sign} {in_digits(claim.scale * bound, claim.digits, False)}"
                 for sign, bound in bounds if np.isfinite(bound)]  # fmt: skip
         rows.append(
             {

@@ -82,14 +82,12 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
         by = {int(j): objective(part) for j, part in own.groupby("candidate")}
         best = max(by, key=by.__getitem__)
         shipped, other = (own[own["candidate"] == j] for j in (0, best))
-        columns, usual = (
-            candidates(str(name))[best].memory.columns,
-            CONTROLLERS[str(name)].memory.columns,
-        )
+        controllers = CONTROLLERS[str(name)], candidates(str(name))[best]
+        usual, tried = (one.memory.columns for one in controllers)
         changed = [
-            f"{key} {one.default}"
-            for key, one in columns.items()
-            if one.default != usual[key].default
+            f"{key} {tried[key].default}"
+            for key in controllers[0].settings
+            if tried[key].default != usual[key].default
         ]
         lines.append({
             "controller": name, "candidates": len(by), "events": len(shipped),
