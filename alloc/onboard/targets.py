@@ -5,7 +5,8 @@ Pulling, and braking without air: limits (6), (6') of JP5484215, within what the
 Blended braking is its embodiment 3 (Fig. 15, 16). The electric brake comes first, air supplies what the line does not take.
 A unit that follows an order brakes electrically with its limit less the air brake's force (par. 0078), and so makes up at
 once for the lag of the cylinders; its air fills what the line lacks in the same way. What readhesion control takes away air
-does not fill, and in the end it gives way too: it could hold wheels in a slide that no cut of torque ends.
+does not fill, and in the end it gives way too: it could hold wheels in a slide that no cut of torque ends. Nor is air asked
+for more than the plan: what a unit carries beyond it is its motors', which can let go of wheels that slide at once.
 """
 
 import math
@@ -72,7 +73,7 @@ def set_brake_targets(units, onboard, run):
         motors = share_of_motors(u, bound, full, onboard, run)
         left = u.torque_command / motors if motors > 0.0 else 1.0
         u.kept = min(max(u.kept + (left - MIDDLE) * run.period / EASE_TIME, 0.0), 1.0)
-        u.air_brake_force = u.kept * (u.pattern - motors) * at_rim
+        u.air_brake_force = u.kept * max(min(u.pattern, full) - motors, 0.0) * at_rim
         if u.follows and u.works:
             motors = min(max(u.pattern - u.air / at_rim, 0.0), bound)
         u.torque_target = motors
