@@ -55,7 +55,7 @@ SEARCH = "perturb-observe"
 """Controller with which others are compared where units act alone."""
 KNOBS: dict[str, tuple[str, tuple[float, ...]]] = {
     "table": ("margin", (0.03, 0.06, 0.22, 0.44)),
-    "cut-and-ramp": ("recover", (0.6, 0.75, 0.95, 1.0)),
+    "cut-and-ramp": ("recover", (0.5, 0.65, 0.8, 0.9)),
     "pi-creep": ("reference", (0.03, 0.05, 0.15, 0.3)),
     "perturb-observe": ("highest", (0.06, 0.12, 0.25, 1.5)),
     "steepest-gradient": ("highest", (0.06, 0.12, 0.25, 1.5)),

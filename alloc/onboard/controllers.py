@@ -117,7 +117,7 @@ GIVEN_UP = 3.0
 CUT_AND_RAMP = Table(
     "cut-and-ramp",
     cut=Column(0.3, ONE, "torque at a detection over what the rail carried", source=TUNED),
-    recover=Column(0.9, ONE, "torque held after slip over what the rail carried", source=ASSUMED),
+    recover=Column(1.0, ONE, "torque held after slip over what the rail carried", source=TUNED),
     hold=Column(0.1, "s", "time for which it is held", source=ASSUMED),
     ramp=Column(3.0, "s", "time in which the torque rises by the plan's", source=ASSUMED),
     phase=Column(FOLLOW, ONE, "0 follows, 1 cut, 2 holds, 3 ramps"),

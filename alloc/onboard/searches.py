@@ -96,14 +96,14 @@ def pi_creep(unit, axles, memory, run):
 FUZZY_CREEP = Table(
     "fuzzy-creep",
     reference=Column(
-        0.19, "m s-1", "slip at which its middle set peaks, and which is held", source=TUNED
+        0.24, "m s-1", "slip at which its middle set peaks, and which is held", source=TUNED
     ),
     large=Column(0.3, "m s-1", "slip at which its highest set peaks", source=ASSUMED),
     rate=Column(1.5, "m s-2", "slip rates at which the outer sets peak, either way", source=TUNED),
     change=Column(
         0.7, "s-1", "greatest rate of the coefficient that is allowed", source="as pi-creep"
     ),
-    pole=Column(27.0, "s-1", "pole of the differentiator of slip", source=TUNED),
+    pole=Column(48.0, "s-1", "pole of the differentiator of slip", source=TUNED),
     allowed=HELD["allowed"],
     filtered=Column(NAN, "m s-1", "slip behind the differentiator's filter"),
 )
@@ -278,20 +278,25 @@ def fuzzy_tracking(unit, axles, memory, run):
 
 CUBATURE = Table(
     "cubature-seeking",
-    **FIRST,
-    **BOUNDS,
+    **FIRST
+    | BOUNDS
+    | {
+        "first": Column(0.1, "m s-1", FIRST["first"].meaning, source=TUNED),
+        "proportional": Column(0.83, "s m-1", FIRST["proportional"].meaning, source=TUNED),
+        "margin": Column(6.3, ONE, FIRST["margin"].meaning, source=TUNED),
+    },
     cycle=Column(0.3, "s", "period of the sine", source=TUNED),
     amplitude=Column(0.015, "m s-1", "amplitude of the sine", source=TUNED),
-    gain=Column(0.2, "m2 s-2", "move of its centre over the slope of the curve", source=TUNED),
+    gain=Column(0.57, "m2 s-2", "move of its centre over the slope of the curve", source=TUNED),
     largest=Column(0.03, "m s-1", "largest move of its centre", source=TUNED),
     lag=Column(0.3, "rad", "lag of the coefficient behind the reference", source=TUNED),
-    noise=Column(0.005, "m s-1", "least deviation of the rim speed measured", source=ASSUMED),
+    noise=Column(0.014, "m s-1", "least deviation of the rim speed measured", source=TUNED),
     train_noise=Column(0.01, "m s-1", "deviation of the train's speed", source=ASSUMED),
-    rim_walk=Column(1.0, "m s-2", "walk of the rim speed", source=ASSUMED),
+    rim_walk=Column(0.35, "m s-2", "walk of the rim speed", source=TUNED),
     train_walk=Column(0.3, "m s-2", "walk of the train's speed", source=ASSUMED),
     height_walk=Column(0.2, "s-0.5", "walk of the curve's height", source=ASSUMED),
     adapt=Column(0.02, ONE, "share of an innovation in the rim speed's variance", source=ASSUMED),
-    scale=Column(0.2, "m s-1", "slip at the peak of the filter's curve", source=ASSUMED),
+    scale=Column(0.14, "m s-1", "slip at the peak of the filter's curve", source=TUNED),
     **HELD,
     estimate=Column((NAN, 0.0, 0.1), ONE, "rim speed, train speed [m s-1], height of the curve"),
     covariance=Column((1e-4, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 1e-2), ONE, "of their errors"),
