@@ -98,7 +98,7 @@ def test_the_rule_is_asked_with_telegrams_from_a_limitation_until_it_is_held_no_
 
 
 @pytest.mark.parametrize("name", ["delivered", "delivered always"])
-def test_a_limited_unit_carries_what_it_delivers_and_any_others_mark_rises_slowly(name):
+def test_a_limited_unit_carries_what_it_delivers_and_any_others_mark_rises(name):
     train, units, got = Train(), [], [0.04, 0.11, 0.1, 0.002]
     for k in range(101):
         limited = [min(k, 50) * H, NEVER, NEVER, k // 10 * 10 * H]

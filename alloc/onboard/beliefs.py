@@ -4,7 +4,7 @@ In: what the units have reported, `said` and `heard` as of `alloc.parts.belief`.
 which a rule shares. While nothing limits the train no rule is asked and limits are lifted: every unit keeps the plan.
 
 The patent waits for slip (`front_detected`, `any_detected`). The others go by reports: good controllers cut torque without
-slip. A limited unit carries what it delivers, any other its `mark`, what it has shown, which rises slowly.
+slip. A limited unit carries what it delivers, any other its `mark`, what it has shown, which rises with time.
 """
 
 import math
@@ -27,9 +27,10 @@ class Belief(NamedTuple):
     """Whether that is the truth, which no computer on board can know; speed and orders are true then too."""
 
 
-RISE = 0.01
-"""Rise of a mark, plan/s: a peak of a few hundredths is tried again after some seconds, and a rail that wheels clean is
-followed. Where limits may rise at once, sharing loses 1 to 2 points of the bound and wheels suffer up to a third more."""
+RISE = 0.1
+"""Rise of a mark, plan/s: a peak of a few hundredths is tried again after a second, and a rail that wheels clean is
+followed. At 0.01 `cooperative` gains 0.2 to 0.3 points of the bound less; at 0.3 or 3 one start of 140 loses 13 to 27 (240
+events of seeds 6505 and 6506)."""
 ROOM = 1.06
 """Limit over what a limited unit delivers [1]: a search that is held at what it delivers would never reach the peak."""
 SLEW = 0.6
@@ -137,7 +138,7 @@ def delivered_always(tick, units, said, heard, run):
 
 @jit
 def mark(tick, units, said, heard, run, always):
-    """A limited unit's cap and mark are what it delivers; any other's mark rises slowly, and is its cap."""
+    """A limited unit's cap and mark are what it delivers; any other's mark rises, and is its cap."""
     if not hear(tick, units, said, heard, run, always):
         return False
     for u in units:

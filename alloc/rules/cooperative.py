@@ -1,7 +1,7 @@
 """This project's own rules: limited units keep what they find, the others make up for it, by what all report.
 
 Neither uses a belief about the rail. A limited unit's cap is what it delivers; any other may go up to its mark, the
-coefficient that it has shown to carry, which rises slowly. No unit is asked for less than the plan where it is
+coefficient that it has shown to carry, which rises with time. No unit is asked for less than the plan where it is
 limited: its own controller finds the rail's recovery sooner than telegrams report it. One that is limited is asked
 for a little more than it delivers, since a controller that searches for the peak learns nothing while its torque is
 at a limit.
