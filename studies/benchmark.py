@@ -19,7 +19,7 @@ from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.simulation import simulate
 from studies import StudyError, population, runs
-from studies.compare import MOST_OVER, NEGLIGIBLE, knows_the_rail
+from studies.compare import MOST_OVER, NEGLIGIBLE, mark_of
 from studies.core import WIDE, Cell, Row, Study
 from studies.plugins import load_plugins, try_own_parts
 from studies.row_key import LIBRARIES, decides
@@ -383,10 +383,9 @@ def places(rows: pd.DataFrame, own: pd.DataFrame, rule: str, controller: str) ->
     found, lines = {**others, name: mine}, []
     for one, values in found.items():
         less, beyond = mean(100.0 * (mine - values)), own_over if one == name else over[one]
-        mark = "°" if knows_the_rail(one) else "*" if beyond.mean() > MOST_OVER else ""
         lines.append({
             "name": one, "used": 100.0 * float(values.mean()), "less": less.value, "low": less.low, "high": less.high,
-            "tied": bool(less.low <= 0.0 <= less.high or abs(less.value) < 100.0 * NEGLIGIBLE), "mark": mark,
+            "tied": less.tied(100.0 * NEGLIGIBLE), "mark": mark_of(one, beyond.mean()),
         })  # fmt: skip
     made = pd.DataFrame(lines).sort_values("used", ascending=False, kind="stable")
     return made.reset_index(drop=True)

@@ -137,15 +137,9 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
         return mean(means[name, rule] - means[name, other] if other in rules else [])
 
     over, gaps = means["over_delivery"].mean(), rows.groupby("rule")["rule_gap"].max()
-    marks = {rule: "°" if knows_the_rail(rule) else "*" if over[rule] > MOST_OVER else ""
-             for rule in rules}  # fmt: skip
+    marks = {rule: mark_of(rule, over[rule]) for rule in rules}
     ranked = [rule for rule in rules if not marks[rule]]
     best = str(means[EFFORT][ranked].mean().idxmax()) if ranked else ""
-
-    def tied(rule: str) -> bool:
-        behind = less(EFFORT, best, rule)
-        unsure = behind.events > 1 and not behind.low > 1e-9
-        return rule == best or unsure or behind.value < NEGLIGIBLE
 
     found = [
         Standing(
@@ -156,13 +150,18 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
             less("damage", rule, REFERENCE),
             less("slip_time", rule, REFERENCE),
             float(over[rule]),
-            rule in ranked and tied(rule),
+            rule in ranked and (rule == best or less(EFFORT, best, rule).tied(NEGLIGIBLE)),
             float(gaps[rule]),
             marks[rule] + "†" * (rule in failed),
         )
         for rule in rules
     ]
     return sorted(found, key=lambda one: -one.used.value)
+
+
+def mark_of(name: str, over: float) -> str:
+    """Why a part has no place: °, it knows the rail; *, it delivers this share of the plan beyond it, which is too much."""
+    return "°" if knows_the_rail(name) else "*" if over > MOST_OVER else ""
 
 
 def knows_the_rail(rule: str) -> bool:
