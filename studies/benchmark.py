@@ -19,7 +19,7 @@ from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.simulation import simulate
 from studies import StudyError, population, runs
-from studies.compare import MOST_OVER, NEGLIGIBLE, mark_of
+from studies.compare import MOST_OVER, NEGLIGIBLE, mark_of, meanings
 from studies.core import WIDE, Cell, Row, Study
 from studies.plugins import load_plugins, try_own_parts
 from studies.row_key import LIBRARIES, decides
@@ -466,11 +466,9 @@ def told(pair: tuple[str, str], tables: Mapping[str, pd.DataFrame]) -> Sequence[
         worst = in_digits(one.worst, 1, True) if one.number else ""
         gain = Interval(one.gain, one.low, one.high, one.number).text(2, sign=True)
         said.append(f"  {one.events:24}{one.number:>4}  {gain:>22} {worst:>6} {harmed:>10}")
-    text = "\n".join(said)
-    marks = {
+    said += meanings(said, {
         "=": f"= cannot be told from {name}: the interval holds 0, or less than {100 * NEGLIGIBLE:g} points",
         "°": "° knows the rail, as nobody on board can; has no place",
         "*": f"* delivers more than {MOST_OVER:.0%} beyond the plan; has no place",
-    }
-    said += ["", *(words for mark, words in marks.items() if mark in text)]
+    })  # fmt: skip
     return [*said, f"harmed: loses more than {WORSE:g} points"]

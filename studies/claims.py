@@ -14,9 +14,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from alloc.laws import speed_law
 from alloc.metrics import series
-from alloc.rail import SPEED_LAWS
 from alloc.rules import RULES
 from studies import events as e
 from studies.core import WIDE, Cell, Row, Study
@@ -97,11 +95,7 @@ def draw(seed: int, k: int) -> e.Keys:
 def event(seed: int, k: int) -> Scenario:
     """Event `k`: the eight-car train of wet-start pulls away at 3.0 km/h/s."""
     d = draw(seed, k)
-    level: e.Keys = {"level": d["level"]}
-    if d["speed_law"] != "none":
-        at_start = speed_law(e.START_SPEED, *SPEED_LAWS[d["speed_law"]])
-        level = {"law_factor": d["level"] / float(at_start)}
-    rail = level | {
+    rail = e.level(d["level"], d["speed_law"]) | {
         "speed_law": d["speed_law"],
         "increments": _growth(d["slope"]),
         "scatter": d["scatter"],

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from alloc.curves import CURVES, CreepCurve
+from alloc.laws import speed_law
+from alloc.rail import SPEED_LAWS
 from alloc.train import Train
 from alloc.train_rows import level_for
 from alloc.units import unit_of
@@ -84,12 +86,14 @@ def stated(key: str, size: float) -> float:
     return size if abs(size) >= unit_of(key).least else 0.0
 
 
+SENSORS = ("speed_noise_kmh", "speed_quantum_kmh", "radius_error", "load_error")
+"""Errors of sensors that a population may draw."""
+
+
 def signals(d: Drawn) -> Keys:
     """Keys of sensors and telegrams; of the sensors those that are drawn."""
-    sensors = {"speed_noise_kmh": stated("_kmh", d["speed_noise_kmh"])}
-    sensors |= {name: d[name] for name in ("load_error",) if name in d}
     return {
-        "sensors": sensors,
+        "sensors": {key: stated(key, d[key]) for key in SENSORS if key in d},
         "telegrams": {"jitter_s": 0.03, "loss": stated("", d["telegram_loss"])},
     }
 
@@ -104,6 +108,26 @@ def line(d: Drawn, start: float = -1000.0) -> Keys:
     """A line with the drawn gradient from `start` [m] on."""
     grade = stated("_permille", d["grade_permille"])
     return {"sections": [{"start_m": start, "grade_permille": grade}]}
+
+
+def failures(d: Drawn, units: int, begin: float = 0.0) -> list[Keys]:
+    """The drawn failure of one of so many units, counted from `begin` [s]."""
+    failed = {"unit": 1 + int(d["failed_place"] * units), "time_s": begin + d["failed_at_s"]}
+    return [failed] if d["fails"] else []
+
+
+def receptivity(d: Drawn) -> Keys:
+    """A line that takes up the drawn share of the regenerated power on average, the more swinging the less it is."""
+    swing = 0.6 * (1.0 - d["receptivity"])
+    return {"mean": d["receptivity"], "amplitude": swing, "period_s": 7.0}
+
+
+def level(coefficient: float, law: str, speed: float = START_SPEED) -> Keys:
+    """Level of a rail with this coefficient at `speed` [m/s], which follows a speed law or "none"."""
+    if law == "none":
+        return {"level": coefficient}
+    at = float(speed_law(speed, *SPEED_LAWS[law]))
+    return {"law_factor": coefficient / at, "speed_law": law}
 
 
 def stretch(factor: float, start: float, end: float) -> list[Keys]:

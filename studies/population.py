@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from alloc.laws import GRAVITY, speed_law
-from alloc.rail import SPEED_LAWS
+from alloc.laws import GRAVITY
 from alloc.train import Train
 from studies import events as e
 from studies.keys import checked
@@ -203,10 +202,8 @@ def event(seed: int, k: int) -> Scenario:
     level = rail["level"]
     grown = np.log(np.arange(1.0, n + 1.0)) / math.log(n)
     increments = (level * d["growth"] * (grown - grown.mean())).tolist()
-    if d["speed_law"] != "none":
-        at = speed_law(meets, *SPEED_LAWS[d["speed_law"]])
-        rail |= {"law_factor": rail.pop("level") / at, "speed_law": d["speed_law"]}
-    rail |= {
+    rail = e.level(level, d["speed_law"], meets) | {
+        "curve": rail["curve"],
         "increments": {"law": "given", "values": increments},
         "scatter": d["scatter"] * level,
         "scatter_length_m": d["scatter_m"],
@@ -214,16 +211,10 @@ def event(seed: int, k: int) -> Scenario:
         "conditioning_slip": d["conditioning_slip"],
         "patches": _patches(d, train, speed, begin),
     }
-    sensors = {
-        key: d[key]
-        for key in ("speed_noise_kmh", "speed_quantum_kmh", "radius_error", "load_error")
-    }
     units = 4 // GROUPS[d["group"]] * (driven // 4)
-    failed = {"unit": 1 + int(d["failed_place"] * units), "time_s": d["failed_at_s"]}
     knows: e.Keys = {} if d["knows_curve"] else {"curve": {"kind": BELIEVED}}
     if not d["knows_growth"]:
         knows["increments"] = {"law": "none"}
-    swing = 0.6 * (1.0 - d["receptivity"])
     found = {
         "name": train_keys["name"],
         "title": f"event {k}: {d['case']}, {d['fleet']}, {d['curve']}",
@@ -235,13 +226,10 @@ def event(seed: int, k: int) -> Scenario:
         "command": [{"time_s": begin, "acceleration_kmhs": 3.6 * asked}],
         "rail": rail,
         "line": e.line(d, -1e4),
-        "failures": [failed] if d["fails"] else [],
-        "receptivity": {"mean": d["receptivity"], "amplitude": swing, "period_s": 7.0},
+        "failures": e.failures(d, units),
+        "receptivity": e.receptivity(d),
         "belief": knows,
-        "onboard": {
-            "sensors": {key: e.stated(key, one) for key, one in sensors.items()},
-            "telegrams": {"jitter_s": 0.03, "loss": e.stated("", d["telegram_loss"])},
-        },
+        "onboard": e.signals(d),
         "record_period_s": 0.02,
     }
     return parse(found, f"event {k} of seed {seed}")
