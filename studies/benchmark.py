@@ -5,6 +5,7 @@ theirs at other values. The rows are stored in the repository, so that a part of
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
@@ -264,15 +265,10 @@ def front(rows: pd.DataFrame) -> pd.DataFrame:
         usual = CONTROLLERS[law].memory.columns[knob].default
         means = own[own["controller"] == law].fillna({"knob": usual}).groupby("knob")
         for value, part in means:
-            line = {"controller": law, "knob": knob, "value": float(value)}
-            line |= {
-                "own": value == usual,
-                "events": len(part),
-                "used [%]": 100.0 * part["bound_use"].mean(),
-            }
-            lines.append(
-                line | {"Q [kJ]": part["damage"].mean(), "jerk [m/s3]": part["jerk_rms"].mean()}
-            )
+            line = {"controller": law, "knob": knob, "value": float(value), "own": value == usual}
+            used, *costs = (part[name].mean() for name in ("bound_use", "damage", "jerk_rms"))
+            line |= {"events": len(part), "used [%]": 100.0 * used}
+            lines.append(line | dict(zip(("Q [kJ]", "jerk [m/s3]"), costs, strict=True)))
     return pd.DataFrame(lines)
 
 
@@ -414,15 +410,15 @@ def own_study(rule: str, controller: str) -> Study:
         return [_cell(population.event(seed, k), rule, controller, k) for k in range(events)]
 
     rows = stored()
-    return Study(
-        f"rank-{rule}-{controller}",
-        f"where {named(rule, controller)[0]} stands among all",
-        own_cells,
-        run,
-        lambda own: places(rows, own, rule, controller),
+    return replace(
+        STUDY,
+        name=f"rank-{rule}-{controller}",
+        question=f"where {named(rule, controller)[0]} stands among all",
+        cells=own_cells,
+        table=lambda own: places(rows, own, rule, controller),
+        figure=None,
+        statements=None,
         others={"gains": lambda own: gains(rows, own, rule, controller)},
-        events=population.EVENTS,
-        seed=population.SEED,
     )
 
 

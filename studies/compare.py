@@ -141,21 +141,15 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
     ranked = [rule for rule in rules if not marks[rule]]
     best = str(means[EFFORT][ranked].mean().idxmax()) if ranked else ""
 
-    found = [
-        Standing(
-            controller,
-            rule,
-            mean(means[EFFORT, rule]),
-            less(EFFORT, rule, REFERENCE),
-            less("damage", rule, REFERENCE),
-            less("slip_time", rule, REFERENCE),
-            float(over[rule]),
-            rule in ranked and (rule == best or less(EFFORT, best, rule).tied(NEGLIGIBLE)),
-            float(gaps[rule]),
-            marks[rule] + "†" * (rule in failed),
+    found = []
+    for rule in rules:
+        used, mark = mean(means[EFFORT, rule]), marks[rule] + "†" * (rule in failed)
+        gain, damage, slip = (
+            less(name, rule, REFERENCE) for name in (EFFORT, "damage", "slip_time")
         )
-        for rule in rules
-    ]
+        tied = rule in ranked and (rule == best or less(EFFORT, best, rule).tied(NEGLIGIBLE))
+        numbers = used, gain, damage, slip, float(over[rule]), tied, float(gaps[rule])
+        found.append(Standing(controller, rule, *numbers, mark))
     return sorted(found, key=lambda one: -one.used.value)
 
 
