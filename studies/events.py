@@ -137,6 +137,13 @@ def stretch(factor: float, start: float, end: float) -> list[Keys]:
     return [{"factor": factor, "start_m": start, "end_m": end, "edge_m": 4.0}]
 
 
+def spell(factor: float, begin: float, lasts: float, fade: float) -> list[Keys]:
+    """A time [s] in which the rail has so much of the coefficient; none where it has all of it."""
+    if factor == 1.0:
+        return []
+    return [{"factor": factor, "begin_s": begin, "until_s": begin + lasts, "fade_s": fade}]
+
+
 def patch(d: Drawn, begin: float = 0.0) -> list[Keys]:
     """The drawn patch, counted from `begin` [m]."""
     start = begin + d["patch_start_m"]
@@ -145,11 +152,7 @@ def patch(d: Drawn, begin: float = 0.0) -> list[Keys]:
 
 def drop(d: Drawn, begin: float = 0.0) -> list[Keys]:
     """The drawn fall of adhesion for a time, counted from `begin` [s]."""
-    if d["drop_factor"] == 1.0:
-        return []
-    start = begin + d["drop_begin_s"]
-    until = start + d["drop_length_s"]
-    return [{"factor": d["drop_factor"], "begin_s": start, "until_s": until, "fade_s": 0.3}]
+    return spell(d["drop_factor"], begin + d["drop_begin_s"], d["drop_length_s"], 0.3)
 
 
 def curve(kind: str, d: Drawn) -> Keys:

@@ -6,7 +6,6 @@ for judging, the others for tuning.
 
 import math
 from functools import cache, partial
-from typing import Any
 
 import numpy as np
 
@@ -179,8 +178,8 @@ def _car(mass: float, d: e.Drawn) -> e.Keys:
 
 # the event
 
-ROLLING = 3.0
-"""Time [s] before the brakes, in which the train learns the gradient."""
+ROLLING, FADE = 3.0, 0.2
+"""Time [s] before the brakes, in which the train learns the gradient; and in which adhesion falls and comes back."""
 DURATION = {"start": 12.0, "stop": 15.0}
 
 
@@ -263,17 +262,13 @@ def _patches(d: e.Drawn, train: Train, speed: float, begin: float) -> list[e.Key
                 found += e.stretch(between(i + 2, 0.5, 0.95), place, end)
                 place = end
         if kind == "drop":  # readhesion paper, Table 2: 0.12 of 0.18 for some seconds
-            found += _in_time(between(0, 0.45, 0.85), begin + 3.0, between(1, 2.0, 6.0))
+            found += e.spell(between(0, 0.45, 0.85), begin + 3.0, between(1, 2.0, 6.0), FADE)
         if kind == "come and go":
             for i in range(3):
-                start = begin + 2.5 + 3.5 * i
-                found += _in_time(between(2 * i, 0.6, 0.9), start, between(2 * i + 1, 1.0, 3.0))
+                lasts = between(2 * i + 1, 1.0, 3.0)
+                found += e.spell(between(2 * i, 0.6, 0.9), begin + 2.5 + 3.5 * i, lasts, FADE)
     return found
 
 
 def _between(places: list[float], j: int, low: float, high: float) -> float:
     return low + places[j] * (high - low)
-
-
-def _in_time(factor: float, begin: float, lasts: float) -> list[Any]:
-    return [{"factor": factor, "begin_s": begin, "until_s": begin + lasts, "fade_s": 0.2}]
