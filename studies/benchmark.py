@@ -219,7 +219,8 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
         for rule in rules:
             own = runs.paired(good, law, rule, (BASE,))
             gain = 100.0 * own["bound_use"] - 100.0 * own[f"bound_use_{BASE}"]
-            line: Row = {"controller": law, "rule": rule, "told": _told(rule), "events": len(own)}
+            known = next((words for words, alike in TOLD_ALIKE.items() if rule in alike), "–")
+            line: Row = {"controller": law, "rule": rule, "told": known, "events": len(own)}
             line["used [%]"] = mean(100.0 * own["bound_use"]).text(1)
             line["gain over alone [points]"] = mean(gain).text(2, sign=True)
             line |= _line(gain, parts, SHOWN)
@@ -228,10 +229,6 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
             line["Q over the least of its impulse [%, median]"] = in_digits(excess, 0, False)
             lines.append(line | means(own, COSTS, BASE))
     return pd.DataFrame(lines)
-
-
-def _told(rule: str) -> str:
-    return next((words for words, alike in TOLD_ALIKE.items() if rule in alike), "–")
 
 
 def alone(rows: pd.DataFrame, metric: str = "bound_use") -> pd.DataFrame:

@@ -128,13 +128,14 @@ def event(seed: int, k: int) -> Scenario:
     asked = _between(kind.asked, d["deceleration"]) / 3.6
     speed = d["end_kmh"] or _between(kind.speed, d["speed"])
     offered = max(LEAST_LEVEL, d["share"] * asked / GRAVITY)
+    drop = e.spell(d["drop_factor"], ROLLING + d["drop_begin_s"], d["drop_length_s"], 0.3)
     rail = e.offering(e.curve(d["curve"], d), offered, train, REFERENCE_SPEED)
     rail |= {
         "increments": _grown(d["growth"] * rail["level"], train),
         "conditioning": d["conditioning"],
         "scatter": d["scatter_share"] * rail["level"],
         "scatter_length_m": 20.0,
-        "patches": [*e.drop(d, ROLLING), *e.patch(d, speed / 3.6 * ROLLING)],
+        "patches": [*drop, *e.patch(d, speed / 3.6 * ROLLING)],
     }
     onboard = e.signals(d) | {"braking": {"slide_protection": {"law": d["law"]}}}
     factors = ("mass_factor", "resistance_factor")

@@ -88,7 +88,12 @@ def draw(seed: int, k: int) -> e.Keys:
         "patch_length_m": g.uniform(20.0, 60.0),  # one to three cars
         # adhesion falls with speed; by how much over the first 36 km/h is disputed
         "speed_law": g.one_of(("none", "curtius-kniffler", "shinkansen"), [0.5, 0.25, 0.25]),
-        **g.signals_of_start(8.0),  # up to 8 t the motors reach the plan throughout
+        "load_t": g.uniform(0.0, 8.0),  # the motors reach the plan throughout
+        "tilt": g.uniform(-0.8, 0.8),  # passengers gather at one end of the platform
+        "load_error": g.uniform(0.0, 0.05),  # pressure of air springs
+        "speed_noise_kmh": g.uniform(0.0, 0.04),
+        "telegram_loss": g.uniform(0.0, 0.05),
+        "grade_permille": g.sometimes(0.4, 5.0, 20.0, 0.0),  # most stations are level
     }
 
 
@@ -150,9 +155,12 @@ def arms(
 
 
 def changed_by(made: Cell, arm: str, keys: e.Keys) -> Cell:
-    """The same run by a train whose equipment has these `keys` beside its own; `arm` is its rule in the rows."""
+    """The same run by a train whose equipment has these `keys` beside its own, those of a table beside that table's;
+    `arm` is its rule in the rows."""
     one, *others = made.args
-    changed = one.changed(onboard=e.equipped(one, keys))
+    own = one.onboard.model_dump(mode="json", exclude_unset=True)
+    tables = {key: own.get(key, {}) | new for key, new in keys.items() if isinstance(new, dict)}
+    changed = one.changed(onboard=own | keys | tables)
     columns = {**made.columns, "rule": arm}
     return made._replace(name=f"{made.name}, {arm}", args=(changed, *others), columns=columns)
 

@@ -57,28 +57,10 @@ class Draw:
         """One of these, equally likely or by their shares."""
         return str(self.generator.choice(list(values), p=shares))
 
-    def signals_of_start(self, most_load: float) -> Keys:
-        """What every start draws last: loads [t] and their growth along the train, errors of signals, a gradient."""
-        return {
-            "load_t": self.uniform(0.0, most_load),
-            "tilt": self.uniform(-0.8, 0.8),  # passengers gather at one end of the platform
-            "load_error": self.uniform(0.0, 0.05),  # pressure of air springs
-            "speed_noise_kmh": self.uniform(0.0, 0.04),
-            "telegram_loss": self.uniform(0.0, 0.05),
-            "grade_permille": self.sometimes(0.4, 5.0, 20.0, 0.0),  # most stations are level
-        }
-
 
 def drawn(base: Scenario, name: str, title: str, **keys: Any) -> Scenario:
     """An event of a population: `base` with other keys, meant for no case, and the same on all days."""
     return base.changed(name=name, title=title, case=None, variation=None, **keys)
-
-
-def equipped(base: Scenario, keys: Keys) -> Keys:
-    """The equipment of `base` with these keys; those of a table stand beside its own."""
-    own = base.onboard.model_dump(mode="json", exclude_unset=True)
-    tables = {key: own.get(key, {}) | one for key, one in keys.items() if isinstance(one, dict)}
-    return own | keys | tables
 
 
 def stated(key: str, size: float) -> float:
@@ -148,11 +130,6 @@ def patch(d: Drawn, begin: float = 0.0) -> list[Keys]:
     """The drawn patch, counted from `begin` [m]."""
     start = begin + d["patch_start_m"]
     return stretch(d["patch_factor"], start, start + d["patch_length_m"])
-
-
-def drop(d: Drawn, begin: float = 0.0) -> list[Keys]:
-    """The drawn fall of adhesion for a time, counted from `begin` [s]."""
-    return spell(d["drop_factor"], begin + d["drop_begin_s"], d["drop_length_s"], 0.3)
 
 
 def curve(kind: str, d: Drawn) -> Keys:

@@ -195,7 +195,8 @@ def event(seed: int, k: int) -> Scenario:
              zip(train_keys["formation"], e.loads(d, len(train.cars)), strict=True)]  # fmt: skip
     # the plan of a stop is every axle's, that of a start the driven ones'
     driven = sum(sum(car.driven) for car in train.cars)
-    needs = abs(asked) / GRAVITY * (1.0 if stop else 1.08 * _over_driven(train))
+    on_driven = sum(car.mass * sum(car.driven) / len(car.driven) for car in train.cars)
+    needs = abs(asked) / GRAVITY * (1.0 if stop else 1.08 * (train.mass / on_driven))
     meets = max(e.START_SPEED, speed)
     rail = e.offering({"kind": d["curve"]} | d["shape"], d["offered"] * needs, train, meets)
     level = rail["level"]
@@ -234,21 +235,14 @@ def event(seed: int, k: int) -> Scenario:
     return parse(found, f"event {k} of seed {seed}")
 
 
-def _over_driven(train: Train) -> float:
-    """Mass of the train over that on its driven axles."""
-    on_them = sum(car.mass * sum(car.driven) / len(car.driven) for car in train.cars)
-    return train.mass / on_them
-
-
 def _patches(d: e.Drawn, train: Train, speed: float, begin: float) -> list[e.Keys]:
     """Two kinds of patches one over the other, each with its own places."""
-    length = sum(car.length for car in train.cars)
     ahead, found = speed * (begin + 1.0), list[e.Keys]()
     for j, kind in enumerate(d["patches"]):
         p: list[float] = d["places"][20 * j : 20 * j + 20]
         between = partial(_between, p)
         if kind in ("bad front", "bad rear"):
-            border = ahead - length * between(0, 0.1, 0.9)
+            border = ahead - train.length * between(0, 0.1, 0.9)
             ends = (border, 1e4) if kind == "bad front" else (-1e4, border)
             found += e.stretch(between(1, 0.5, 0.9), *ends)
         if kind == "short patch":  # ice and leaves, from a wheelset's length to three cars'
