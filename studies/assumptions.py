@@ -55,11 +55,8 @@ WITHOUT: dict[str, Callable[[Keys], Keys]] = {
 
 def changes() -> list[str]:
     """Names of all changes, first none."""
-    return [
-        AS_DRAWN,
-        *(f"{one} × {factor:g}" for one in NUMBERS for factor in (0.5, 2.0)),
-        *WITHOUT,
-    ]
+    scaled = [f"{one} × {factor:g}" for one in NUMBERS for factor in (0.5, 2.0)]
+    return [AS_DRAWN, *scaled, *WITHOUT]
 
 
 def changed(one: Scenario, name: str) -> Scenario:

@@ -5,6 +5,7 @@ theirs at other values. The rows are stored in the repository, so that a part of
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
@@ -19,12 +20,23 @@ from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.simulation import simulate
 from studies import StudyError, population, runs
-from studies.compare import MOST_OVER, NEGLIGIBLE, knows_the_rail
+from studies.compare import MOST_OVER, NEGLIGIBLE, mark_of, meanings
 from studies.core import WIDE, Cell, Row, Study
 from studies.plugins import load_plugins, try_own_parts
 from studies.row_key import LIBRARIES, decides
 from studies.scenario import Scenario
-from studies.statistics import Claim, Interval, Statement, forest, in_digits, judge, mean, share
+from studies.statistics import (
+    Claim,
+    Interval,
+    Numbers,
+    Statement,
+    forest,
+    in_digits,
+    judge,
+    mean,
+    means,
+    share,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -146,8 +158,13 @@ WORSE = 0.3
 
 def used(rows: pd.DataFrame, controller: str, metric: str = "bound_use") -> pd.DataFrame:
     """A metric with a row for each event in which every rule worked, a column for each rule."""
-    own = rows[(rows["controller"] == controller) & rows["knob"].isna()]
-    return runs.complete(own).pivot(index="scenario", columns="rule", values=metric)
+    own = runs.complete(as_shipped(rows, "controller", controller))
+    return own.pivot(index="scenario", columns="rule", values=metric)
+
+
+def as_shipped(rows: pd.DataFrame, kind: str, name: str) -> pd.DataFrame:
+    """Rows of a rule or a controller, with every controller as it ships."""
+    return rows[(rows[kind] == name) & rows["knob"].isna()]
 
 
 def strata(rows: pd.DataFrame) -> Parts:
@@ -185,63 +202,54 @@ def _line(gain: "pd.Series[float]", parts: Parts, names: Iterable[str]) -> Row:
 
 
 SHOWN = ("headroom above 1 point", "starts", "receptive stops", "blended stops")
-COSTS = {
-    "damage": ("Q over alone [kJ]", 1),
-    "slip_time": ("slip over alone [axle s]", 1),
-    "time_lost": ("time lost over alone [s]", 2),
-    "distance_lost": ("way lost over alone [m]", 1),
+COSTS: Numbers = {
+    "Q over alone [kJ]": ("damage", 1, 1.0),
+    "slip over alone [axle s]": ("slip_time", 1, 1.0),
+    "time lost over alone [s]": ("time_lost", 2, 1.0),
+    "way lost over alone [m]": ("distance_lost", 1, 1.0),
 }
-"""Metrics of which a table has what a rule adds to `BASE`: words and digits."""
+"""What a rule adds to `BASE`."""
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Every rule under every controller: use of the bound, gain over `BASE` and where, worst case, costs."""
     parts, lines = strata(rows), []
     for law, rules in UNDER.items():
-        found = {
-            name: used(rows, law, name)
-            for name in ("bound_use", "over_delivery", "event_excess", *COSTS)
-        }
+        good = runs.complete(as_shipped(rows, "controller", law))
         for rule in rules:
-            own = 100.0 * found["bound_use"][rule]
-            gain = own - 100.0 * found["bound_use"][BASE]
-            line: Row = {"controller": law, "rule": rule, "told": _told(rule), "events": len(own)}
-            line["used [%]"] = mean(own).text(1)
+            own = runs.paired(good, law, rule, (BASE,))
+            gain = 100.0 * own["bound_use"] - 100.0 * own[f"bound_use_{BASE}"]
+            known = next((words for words, alike in TOLD_ALIKE.items() if rule in alike), "–")
+            line: Row = {"controller": law, "rule": rule, "told": known, "events": len(own)}
+            line["used [%]"] = mean(100.0 * own["bound_use"]).text(1)
             line["gain over alone [points]"] = mean(gain).text(2, sign=True)
             line |= _line(gain, parts, SHOWN)
-            line["beyond the plan [%]"] = mean(100.0 * found["over_delivery"][rule]).text(2)
-            excess = 100.0 * found["event_excess"][rule].median()
+            line["beyond the plan [%]"] = mean(100.0 * own["over_delivery"]).text(2)
+            excess = 100.0 * own["event_excess"].median()
             line["Q over the least of its impulse [%, median]"] = in_digits(excess, 0, False)
-            for name, (words, digits) in COSTS.items():
-                less = mean(found[name][rule] - found[name][BASE])
-                line[words] = less.text(digits, sign=True)
-            lines.append(line)
+            lines.append(line | means(own, COSTS, BASE))
     return pd.DataFrame(lines)
-
-
-def _told(rule: str) -> str:
-    return next((words for words, alike in TOLD_ALIKE.items() if rule in alike), "–")
 
 
 def alone(rows: pd.DataFrame, metric: str = "bound_use") -> pd.DataFrame:
     """As `used`, where units act alone, and with a column for each controller."""
-    own = rows[(rows["rule"] == BASE) & rows["knob"].isna()]
-    return runs.complete(own).pivot(index="scenario", columns="controller", values=metric)
+    own = runs.complete(as_shipped(rows, "rule", BASE))
+    return own.pivot(index="scenario", columns="controller", values=metric)
 
 
-SPENT = {
-    "damage": ("Q [kJ]", 0),
-    "slip_time": ("slip [axle s]", 1),
-    "jerk_rms": ("jerk [m/s3]", 2),
-    "locked_time": ("locked [axle s]", 2),
+SPENT: Numbers = {
+    "Q [kJ]": ("damage", 0, 1.0),
+    "slip [axle s]": ("slip_time", 1, 1.0),
+    "jerk [m/s3]": ("jerk_rms", 2, 1.0),
+    "locked [axle s]": ("locked_time", 2, 1.0),
 }
-"""Metrics of which a table has what a controller costs: words and digits."""
+"""What a controller costs."""
 
 
 def controllers(rows: pd.DataFrame) -> pd.DataFrame:
     """Every controller where units act alone, the best first; gains are over perturb-observe."""
     parts, every = strata(rows), 100.0 * alone(rows)
-    costs = {name: alone(rows, name) for name in SPENT}
+    good = runs.complete(as_shipped(rows, "rule", BASE))
     names = ("starts", "receptive stops", "blended stops", "locomotives", "noise above 0.05 km/h")
     lines = []
     for law in every.mean().sort_values(ascending=False).index:
@@ -249,9 +257,7 @@ def controllers(rows: pd.DataFrame) -> pd.DataFrame:
         line: Row = {"controller": law, "events": len(own), "used [%]": mean(own).text(1)}
         line["over perturb-observe [points]"] = mean(gain).text(2, sign=True)
         line |= _line(gain, parts, names)
-        for name, (words, digits) in SPENT.items():
-            line[words] = mean(costs[name][law]).text(digits)
-        lines.append(line)
+        lines.append(line | means(good[good["controller"] == law], SPENT))
     return pd.DataFrame(lines)
 
 
@@ -262,17 +268,11 @@ def front(rows: pd.DataFrame) -> pd.DataFrame:
     lines = []
     for law, (knob, _) in KNOBS.items():
         usual = CONTROLLERS[law].memory.columns[knob].default
-        means = own[own["controller"] == law].fillna({"knob": usual}).groupby("knob")
-        for value, part in means:
-            line = {"controller": law, "knob": knob, "value": float(value)}
-            line |= {
-                "own": value == usual,
-                "events": len(part),
-                "used [%]": 100.0 * part["bound_use"].mean(),
-            }
-            lines.append(
-                line | {"Q [kJ]": part["damage"].mean(), "jerk [m/s3]": part["jerk_rms"].mean()}
-            )
+        for value, part in own[own["controller"] == law].fillna({"knob": usual}).groupby("knob"):
+            line = {"controller": law, "knob": knob, "value": float(value), "own": value == usual}
+            used, *costs = (part[name].mean() for name in ("bound_use", "damage", "jerk_rms"))
+            line |= {"events": len(part), "used [%]": 100.0 * used}
+            lines.append(line | dict(zip(("Q [kJ]", "jerk [m/s3]"), costs, strict=True)))
     return pd.DataFrame(lines)
 
 
@@ -383,10 +383,9 @@ def places(rows: pd.DataFrame, own: pd.DataFrame, rule: str, controller: str) ->
     found, lines = {**others, name: mine}, []
     for one, values in found.items():
         less, beyond = mean(100.0 * (mine - values)), own_over if one == name else over[one]
-        mark = "°" if knows_the_rail(one) else "*" if beyond.mean() > MOST_OVER else ""
         lines.append({
             "name": one, "used": 100.0 * float(values.mean()), "less": less.value, "low": less.low, "high": less.high,
-            "tied": bool(less.low <= 0.0 <= less.high or abs(less.value) < 100.0 * NEGLIGIBLE), "mark": mark,
+            "tied": less.tied(100.0 * NEGLIGIBLE), "mark": mark_of(one, beyond.mean()),
         })  # fmt: skip
     made = pd.DataFrame(lines).sort_values("used", ascending=False, kind="stable")
     return made.reset_index(drop=True)
@@ -415,15 +414,15 @@ def own_study(rule: str, controller: str) -> Study:
         return [_cell(population.event(seed, k), rule, controller, k) for k in range(events)]
 
     rows = stored()
-    return Study(
-        f"rank-{rule}-{controller}",
-        f"where {named(rule, controller)[0]} stands among all",
-        own_cells,
-        run,
-        lambda own: places(rows, own, rule, controller),
+    return replace(
+        STUDY,
+        name=f"rank-{rule}-{controller}",
+        question=f"where {named(rule, controller)[0]} stands among all",
+        cells=own_cells,
+        table=lambda own: places(rows, own, rule, controller),
+        figure=None,
+        statements=None,
         others={"gains": lambda own: gains(rows, own, rule, controller)},
-        events=population.EVENTS,
-        seed=population.SEED,
     )
 
 
@@ -467,11 +466,9 @@ def told(pair: tuple[str, str], tables: Mapping[str, pd.DataFrame]) -> Sequence[
         worst = in_digits(one.worst, 1, True) if one.number else ""
         gain = Interval(one.gain, one.low, one.high, one.number).text(2, sign=True)
         said.append(f"  {one.events:24}{one.number:>4}  {gain:>22} {worst:>6} {harmed:>10}")
-    text = "\n".join(said)
-    marks = {
+    said += meanings(said, {
         "=": f"= cannot be told from {name}: the interval holds 0, or less than {100 * NEGLIGIBLE:g} points",
         "°": "° knows the rail, as nobody on board can; has no place",
         "*": f"* delivers more than {MOST_OVER:.0%} beyond the plan; has no place",
-    }
-    said += ["", *(words for mark, words in marks.items() if mark in text)]
+    })  # fmt: skip
     return [*said, f"harmed: loses more than {WORSE:g} points"]

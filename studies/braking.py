@@ -128,19 +128,16 @@ def event(seed: int, k: int) -> Scenario:
     asked = _between(kind.asked, d["deceleration"]) / 3.6
     speed = d["end_kmh"] or _between(kind.speed, d["speed"])
     offered = max(LEAST_LEVEL, d["share"] * asked / GRAVITY)
+    drop = e.spell(d["drop_factor"], ROLLING + d["drop_begin_s"], d["drop_length_s"], 0.3)
     rail = e.offering(e.curve(d["curve"], d), offered, train, REFERENCE_SPEED)
     rail |= {
         "increments": _grown(d["growth"] * rail["level"], train),
         "conditioning": d["conditioning"],
         "scatter": d["scatter_share"] * rail["level"],
         "scatter_length_m": 20.0,
-        "patches": [*e.drop(d, ROLLING), *e.patch(d, speed / 3.6 * ROLLING)],
+        "patches": [*drop, *e.patch(d, speed / 3.6 * ROLLING)],
     }
     onboard = e.signals(d) | {"braking": {"slide_protection": {"law": d["law"]}}}
-    onboard["sensors"] |= {name: d[name] for name in ("speed_quantum_kmh", "radius_error")}
-    units = rows_of(train).units.size
-    failed = {"unit": 1 + int(d["failed_place"] * units), "time_s": ROLLING + d["failed_at_s"]}
-    swing = 0.6 * (1.0 - d["receptivity"])
     factors = ("mass_factor", "resistance_factor")
     believed = {"curve": {"kind": CURVES[0]}, "increments": _grown(asked / GRAVITY, train)}
     return e.drawn(
@@ -155,8 +152,8 @@ def event(seed: int, k: int) -> Scenario:
         rail=rail,
         onboard=onboard,
         command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * asked}],
-        failures=[failed] if d["fails"] else [],
-        receptivity={"mean": d["receptivity"], "amplitude": swing, "period_s": 7.0},
+        failures=e.failures(d, rows_of(train).units.size, ROLLING),
+        receptivity=e.receptivity(d),
         belief=believed | {name: d[name] for name in factors},
         **kind.keys,
     )

@@ -14,9 +14,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from alloc.laws import speed_law
 from alloc.metrics import series
-from alloc.rail import SPEED_LAWS
 from alloc.rules import RULES
 from studies import events as e
 from studies.core import WIDE, Cell, Row, Study
@@ -90,18 +88,19 @@ def draw(seed: int, k: int) -> e.Keys:
         "patch_length_m": g.uniform(20.0, 60.0),  # one to three cars
         # adhesion falls with speed; by how much over the first 36 km/h is disputed
         "speed_law": g.one_of(("none", "curtius-kniffler", "shinkansen"), [0.5, 0.25, 0.25]),
-        **g.signals_of_start(8.0),  # up to 8 t the motors reach the plan throughout
+        "load_t": g.uniform(0.0, 8.0),  # the motors reach the plan throughout
+        "tilt": g.uniform(-0.8, 0.8),  # passengers gather at one end of the platform
+        "load_error": g.uniform(0.0, 0.05),  # pressure of air springs
+        "speed_noise_kmh": g.uniform(0.0, 0.04),
+        "telegram_loss": g.uniform(0.0, 0.05),
+        "grade_permille": g.sometimes(0.4, 5.0, 20.0, 0.0),  # most stations are level
     }
 
 
 def event(seed: int, k: int) -> Scenario:
     """Event `k`: the eight-car train of wet-start pulls away at 3.0 km/h/s."""
     d = draw(seed, k)
-    level: e.Keys = {"level": d["level"]}
-    if d["speed_law"] != "none":
-        at_start = speed_law(e.START_SPEED, *SPEED_LAWS[d["speed_law"]])
-        level = {"law_factor": d["level"] / float(at_start)}
-    rail = level | {
+    rail = e.level(d["level"], d["speed_law"]) | {
         "speed_law": d["speed_law"],
         "increments": _growth(d["slope"]),
         "scatter": d["scatter"],
@@ -156,9 +155,12 @@ def arms(
 
 
 def changed_by(made: Cell, arm: str, keys: e.Keys) -> Cell:
-    """The same run by a train whose equipment has these `keys` beside its own; `arm` is its rule in the rows."""
+    """The same run by a train whose equipment has these `keys` beside its own, those of a table beside that table's;
+    `arm` is its rule in the rows."""
     one, *others = made.args
-    changed = one.changed(onboard=e.equipped(one, keys))
+    own = one.onboard.model_dump(mode="json", exclude_unset=True)
+    tables = {key: own.get(key, {}) | new for key, new in keys.items() if isinstance(new, dict)}
+    changed = one.changed(onboard=own | keys | tables)
     columns = {**made.columns, "rule": arm}
     return made._replace(name=f"{made.name}, {arm}", args=(changed, *others), columns=columns)
 

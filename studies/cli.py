@@ -11,16 +11,16 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import App, CycloptsError, Parameter, Token, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from alloc.errors import InputError, UnsoundRun
 from studies import StudyError, WorkerLost
+from studies.options import SWEEP, WORK, Count, Flag, Json, Names, Seed, Sweep, Work
 
 if TYPE_CHECKING:  # a command imports what it needs: the help is there at once
     import pandas as pd
@@ -41,89 +41,6 @@ app = App(
 app.meta.suppress_keyboard_interrupt = False
 RETURNING: Any = {"exit_on_error": False, "print_error": False, "result_action": "return_value"}
 """The library is to return and to raise, and to print nothing of its own."""
-
-# options
-
-
-def _whole(least: int, most: int) -> Parameter:
-    """A whole number within these; the library would round 1.5."""
-
-    def convert(_: type, tokens: Sequence[Token]) -> int:
-        given = tokens[0].value
-        if not given.removeprefix("-").isdecimal():
-            raise ValueError(f"{given!r} is not a whole number")
-        if not least <= int(given) <= most:
-            raise ValueError(f"{given}: give a whole number from {least} to {most}")
-        return int(given)
-
-    return Parameter(converter=convert, n_tokens=1)
-
-
-def _names(_: type, tokens: Sequence[Token]) -> list[str]:
-    """Several names, one by one or with commas."""
-    found = [part.strip() for one in tokens for part in one.value.split(",")]
-    if not any(found):
-        raise ValueError("it has no name; `readhesion list` has them")
-    return list(dict.fromkeys(filter(None, found)))
-
-
-Seed = Annotated[int, _whole(0, 2**31 - 1)]
-Count = Annotated[int, _whole(1, 1_000_000)]
-Jobs = Annotated[int, _whole(1, 16 * (os.cpu_count() or 1))]
-Several = Parameter(consume_multiple=True, negative_iterable=(), converter=_names)
-Names = Annotated[list[str] | None, Several]
-Flag = Annotated[bool, Parameter(negative=())]
-Json = Annotated[bool, Parameter("--json", negative=())]
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Work:
-    """Who works."""
-
-    jobs: Jobs | None = None
-    """Processes [default: one per core]."""
-    scheduler: str | None = None
-    """Address of a Dask scheduler, or the file that it wrote; its workers do the work."""
-    retry_failed: Flag = False
-    """Run again what failed."""
-    dry_run: Flag = False
-    """Say what is to be run and about how long it takes; run nothing."""
-
-    def rows(
-        self, study: "Study", folder: Path, events: int | None = None, seed: int | None = None
-    ) -> "tuple[pd.DataFrame, dict[str, pd.DataFrame]] | None":
-        """The rows of a study and its tables, written with its figure; of a dry run None, and a forecast."""
-        from paper_figs import styled
-        from studies.core import cores, missing, run_study, write_results
-
-        jobs = self.jobs or cores()
-        if self.dry_run:
-            cells, lacking, seconds = missing(study, folder, events, seed)
-            told = ": no stored run says how long one takes" if lacking else ""
-            if lacking and seconds == seconds:
-                minutes, rest = divmod(round(lacking * seconds / jobs), 60)
-                told = f": about {minutes} min {rest} s in {jobs} processes"
-            print(f"{cells} runs, of which {lacking} are to be made{told}")
-            return None
-        given = jobs, self.scheduler, self.retry_failed
-        rows = run_study(study, folder, events, seed, *given, quiet=False)
-        with styled():
-            return rows, write_results(study, rows, folder)
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Sweep(Work):
-    """Who works, and what becomes of it."""
-
-    out: Path = Path("results")
-    """Folder for rows, tables and figure."""
-    as_json: Json = False
-    """Print JSON instead."""
-
-
-WORK, SWEEP = Work(), Sweep()
 
 # commands
 
@@ -157,7 +74,7 @@ def compare(
         for one in chosen.scenarios:
             _say(*remarks(one.event()))
         try_own_parts(chosen.rules, chosen.controllers)
-    made = work.rows(comparison.study_of(chosen), folder)
+    made = _made(comparison.study_of(chosen), folder, work)
     if made is None:
         return 0
     rows, _ = made
@@ -180,7 +97,7 @@ def simulate(
     seed: Seed = 0,
     out: Path | None = None,
     figure: Path | None = None,
-    every: Annotated[bool, Parameter("--all", negative=())] = False,
+    every: Annotated[Flag, Parameter("--all")] = False,
     as_json: Json = False,
 ) -> None:
     """Run one slip event and print its main metrics.
@@ -306,7 +223,7 @@ def rank(
     said = {}
     for pair in bench.pairs_of(part, under):
         study = bench.own_study(*pair)
-        made = work.rows(study, work.out / study.name, events)
+        made = _made(study, work.out / study.name, work, events)
         if made is None:
             continue
         rows, tables = made
@@ -331,7 +248,7 @@ def _asked(study: "Study", folder: Path, events: int | None, seed: int | None, w
     from studies.core import markdown
     from studies.statistics import told
 
-    made = work.rows(study, folder, events, seed)
+    made = _made(study, folder, work, events, seed)
     if made is None:
         return 0
     rows, tables = made
@@ -394,7 +311,7 @@ def figures(
             raise StudyError(f"there are no rows in {folder}; run readhesion compare first")
         else:
             print(f"{study}: " * work.dry_run, end="")
-            work.rows(find_study(study), folder)
+            _made(find_study(study), folder, work)
     if work.dry_run:
         print(f"{len(chosen)} figures to draw")
         return
@@ -506,7 +423,7 @@ def new_scenario(name: str, *, like: str = "wet-start", out: Path = Path()) -> N
 
 
 @app.command
-def cite(*, as_bibtex: Annotated[bool, Parameter("--bibtex", negative=())] = False) -> None:
+def cite(*, as_bibtex: Annotated[Flag, Parameter("--bibtex")] = False) -> None:
     """Print the publications that the project is based on.
 
     Args:
@@ -519,6 +436,28 @@ def cite(*, as_bibtex: Annotated[bool, Parameter("--bibtex", negative=())] = Fal
 
 
 # what commands share
+
+
+def _made(
+    study: "Study", folder: Path, work: Work, events: int | None = None, seed: int | None = None
+) -> "tuple[pd.DataFrame, dict[str, pd.DataFrame]] | None":
+    """The rows of a study and its tables, written with its figure; of a dry run None, and a forecast."""
+    from paper_figs import styled
+    from studies.core import cores, missing, run_study, write_results
+
+    jobs = work.jobs or cores()
+    if work.dry_run:
+        cells, lacking, seconds = missing(study, folder, events, seed)
+        told = ": no stored run says how long one takes" if lacking else ""
+        if lacking and seconds == seconds:
+            minutes, rest = divmod(round(lacking * seconds / jobs), 60)
+            told = f": about {minutes} min {rest} s in {jobs} processes"
+        print(f"{cells} runs, of which {lacking} are to be made{told}")
+        return None
+    given = jobs, work.scheduler, work.retry_failed
+    rows = run_study(study, folder, events, seed, *given, quiet=False)
+    with styled():
+        return rows, write_results(study, rows, folder)
 
 
 def _check_file(path: Path | None, *endings: str) -> None:

@@ -1,6 +1,6 @@
 """The main comparison: every rule under every controller over the same slip events, and what each adds to `alone`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -137,32 +137,25 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
         return mean(means[name, rule] - means[name, other] if other in rules else [])
 
     over, gaps = means["over_delivery"].mean(), rows.groupby("rule")["rule_gap"].max()
-    marks = {rule: "°" if knows_the_rail(rule) else "*" if over[rule] > MOST_OVER else ""
-             for rule in rules}  # fmt: skip
+    marks = {rule: mark_of(rule, over[rule]) for rule in rules}
     ranked = [rule for rule in rules if not marks[rule]]
     best = str(means[EFFORT][ranked].mean().idxmax()) if ranked else ""
 
-    def tied(rule: str) -> bool:
-        behind = less(EFFORT, best, rule)
-        unsure = behind.events > 1 and not behind.low > 1e-9
-        return rule == best or unsure or behind.value < NEGLIGIBLE
-
-    found = [
-        Standing(
-            controller,
-            rule,
-            mean(means[EFFORT, rule]),
-            less(EFFORT, rule, REFERENCE),
-            less("damage", rule, REFERENCE),
-            less("slip_time", rule, REFERENCE),
-            float(over[rule]),
-            rule in ranked and tied(rule),
-            float(gaps[rule]),
-            marks[rule] + "†" * (rule in failed),
+    found = []
+    for rule in rules:
+        used, mark = mean(means[EFFORT, rule]), marks[rule] + "†" * (rule in failed)
+        gain, damage, slip = (
+            less(name, rule, REFERENCE) for name in (EFFORT, "damage", "slip_time")
         )
-        for rule in rules
-    ]
+        tied = rule in ranked and (rule == best or less(EFFORT, best, rule).tied(NEGLIGIBLE))
+        numbers = used, gain, damage, slip, float(over[rule]), tied, float(gaps[rule])
+        found.append(Standing(controller, rule, *numbers, mark))
     return sorted(found, key=lambda one: -one.used.value)
+
+
+def mark_of(name: str, over: float) -> str:
+    """Why a part has no place: °, it knows the rail; *, it delivers this share of the plan beyond it, which is too much."""
+    return "°" if knows_the_rail(name) else "*" if over > MOST_OVER else ""
 
 
 def knows_the_rail(rule: str) -> bool:
@@ -185,14 +178,19 @@ def frame(found: Sequence[Standing]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def by_controller(found: Sequence[Standing]) -> dict[str, list[Standing]]:
+    """Standings of each controller, the best first."""
+    laws = dict.fromkeys(one.controller for one in found)
+    return {law: [one for one in found if one.controller == law] for law in laws}
+
+
 HEAD = ("rule", "used %", "points over alone", "damage kJ", "slip axle s")
 
 
 def lines(found: Sequence[Standing]) -> list[str]:
     """The table for a terminal of 80 columns, a block for each controller, and what its marks mean."""
     said = []
-    for controller in dict.fromkeys(one.controller for one in found):
-        own = [one for one in found if one.controller == controller]
+    for controller, own in by_controller(found).items():
         table = [HEAD]
         for one in own:
             costs = _short(one.gain, 2, 100.0), _short(one.damage, 0), _short(one.slip, 0)
@@ -204,17 +202,20 @@ def lines(found: Sequence[Standing]) -> list[str]:
         for row in table:
             texts = [row[k].rjust(widths[k]) if k else row[k].ljust(widths[k]) for k in shown]
             said.append("  ".join(texts).rstrip())
-    marks = {
+    said += meanings(said, {
         "=": "= not to be told from the best",
         "°": "° knows the rail, as nobody on board can",
         "*": f"* delivers more than {MOST_OVER:.0%} beyond the plan, not ranked",
         "†": "† some runs failed and are left out",
-    }
-    text = "\n".join(said)
-    said += ["", *(words for mark, words in marks.items() if mark in text)]
+    })  # fmt: skip
     for told in informed([one.rule for one in found]):
         said += wrap(told, 78, subsequent_indent="  ", break_on_hyphens=False)
     return said
+
+
+def meanings(said: Sequence[str], marks: Mapping[str, str]) -> list[str]:
+    """What those marks mean that stand in the lines of a table, after an empty line."""
+    return ["", *(words for mark, words in marks.items() if any(mark in line for line in said))]
 
 
 def _short(one: Interval, digits: int, scale: float = 1.0) -> str:
@@ -236,8 +237,7 @@ def informed(rules: Sequence[str]) -> list[str]:
 def answer(found: Sequence[Standing]) -> str:
     """The answer, a sentence for each controller."""
     said = []
-    for controller in dict.fromkeys(one.controller for one in found):
-        own = [one for one in found if one.controller == controller]
+    for controller, own in by_controller(found).items():
         tied = [one for one in own if one.tied]
         if len(own) < 2 or not tied or not tied[0].gain.events:
             continue
@@ -285,11 +285,12 @@ def figure(found: Sequence[Standing]) -> "Figure":
     """Points of the bound over `alone` with intervals, rule by rule, a panel for each controller."""
     from matplotlib.figure import Figure
 
-    laws = list(dict.fromkeys(one.controller for one in found))
+    laws = by_controller(found)
     height = 0.2 * len({one.rule for one in found}) + 0.9
     drawn = Figure(figsize=(min(WIDE, 2.2 * len(laws) + 1.0), height), layout="constrained")
-    for axes, law in zip(drawn.subplots(1, len(laws), squeeze=False)[0], laws, strict=True):
-        own = [one for one in found if one.controller == law and one.rule != REFERENCE]
-        forest(axes, {one.rule: [one.gain.times(100.0)] for one in own}, RULES, 0.0)
+    panels = drawn.subplots(1, len(laws), squeeze=False)[0]
+    for axes, (law, own) in zip(panels, laws.items(), strict=True):
+        gains = {one.rule: [one.gain.times(100.0)] for one in own if one.rule != REFERENCE}
+        forest(axes, gains, RULES, 0.0)
         axes.set(title=law, xlabel=f"points over {REFERENCE}")
     return drawn

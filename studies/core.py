@@ -148,9 +148,8 @@ def _done(
         for one in as_completed([pool.submit(_do, task, files) for task in tasks]):
             try:
                 yield one.result()
-            except (
-                Exception
-            ) as error:  # what a cell raises is a row: a worker was lost, or what it was given
+            # what a cell raises is a row: a worker was lost, or what it was given
+            except Exception as error:
                 raise WorkerLost(
                     f"a worker was lost ({in_one_line(error)}); what was computed is kept: run again, with fewer jobs if "
                     'memory was short. A script that asks for jobs does so under if __name__ == "__main__"'
@@ -231,12 +230,9 @@ def run_study(
     its reason. Raises `StudyError` where rows cannot be kept, `WorkerLost` where a worker ended; both keep what is done.
     """
     cells, rows = study.keyed(events, seed), kept_rows(folder)
-    again = (
-        {key for key, own in rows.items() if own[:1] and own[0]["status"] == "failed"}
-        if retry_failed
-        else set()
-    )
-    todo = [one for one in cells.items() if one[0] not in rows or one[0] in again]
+    if retry_failed:
+        rows = {key: own for key, own in rows.items() if not own or own[0]["status"] != "failed"}
+    todo = [one for one in cells.items() if one[0] not in rows]
     size = min(TOGETHER, len(todo) // (8 * jobs) + 1)
     tasks = (pickle.dumps((study.run, todo[k : k + size])) for k in range(0, len(todo), size))
     if todo:

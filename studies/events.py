@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from alloc.curves import CURVES, CreepCurve
+from alloc.laws import speed_law
+from alloc.rail import SPEED_LAWS
 from alloc.train import Train
 from alloc.train_rows import level_for
 from alloc.units import unit_of
@@ -55,28 +57,10 @@ class Draw:
         """One of these, equally likely or by their shares."""
         return str(self.generator.choice(list(values), p=shares))
 
-    def signals_of_start(self, most_load: float) -> Keys:
-        """What every start draws last: loads [t] and their growth along the train, errors of signals, a gradient."""
-        return {
-            "load_t": self.uniform(0.0, most_load),
-            "tilt": self.uniform(-0.8, 0.8),  # passengers gather at one end of the platform
-            "load_error": self.uniform(0.0, 0.05),  # pressure of air springs
-            "speed_noise_kmh": self.uniform(0.0, 0.04),
-            "telegram_loss": self.uniform(0.0, 0.05),
-            "grade_permille": self.sometimes(0.4, 5.0, 20.0, 0.0),  # most stations are level
-        }
-
 
 def drawn(base: Scenario, name: str, title: str, **keys: Any) -> Scenario:
     """An event of a population: `base` with other keys, meant for no case, and the same on all days."""
     return base.changed(name=name, title=title, case=None, variation=None, **keys)
-
-
-def equipped(base: Scenario, keys: Keys) -> Keys:
-    """The equipment of `base` with these keys; those of a table stand beside its own."""
-    own = base.onboard.model_dump(mode="json", exclude_unset=True)
-    tables = {key: own.get(key, {}) | one for key, one in keys.items() if isinstance(one, dict)}
-    return own | keys | tables
 
 
 def stated(key: str, size: float) -> float:
@@ -84,12 +68,14 @@ def stated(key: str, size: float) -> float:
     return size if abs(size) >= unit_of(key).least else 0.0
 
 
+SENSORS = ("speed_noise_kmh", "speed_quantum_kmh", "radius_error", "load_error")
+"""Errors of sensors that a population may draw."""
+
+
 def signals(d: Drawn) -> Keys:
     """Keys of sensors and telegrams; of the sensors those that are drawn."""
-    sensors = {"speed_noise_kmh": stated("_kmh", d["speed_noise_kmh"])}
-    sensors |= {name: d[name] for name in ("load_error",) if name in d}
     return {
-        "sensors": sensors,
+        "sensors": {key: stated(key, d[key]) for key in SENSORS if key in d},
         "telegrams": {"jitter_s": 0.03, "loss": stated("", d["telegram_loss"])},
     }
 
@@ -106,6 +92,26 @@ def line(d: Drawn, start: float = -1000.0) -> Keys:
     return {"sections": [{"start_m": start, "grade_permille": grade}]}
 
 
+def failures(d: Drawn, units: int, begin: float = 0.0) -> list[Keys]:
+    """The drawn failure of one of so many units, counted from `begin` [s]."""
+    failed = {"unit": 1 + int(d["failed_place"] * units), "time_s": begin + d["failed_at_s"]}
+    return [failed] if d["fails"] else []
+
+
+def receptivity(d: Drawn) -> Keys:
+    """A line that takes up the drawn share of the regenerated power on average, the more swinging the less it is."""
+    swing = 0.6 * (1.0 - d["receptivity"])
+    return {"mean": d["receptivity"], "amplitude": swing, "period_s": 7.0}
+
+
+def level(coefficient: float, law: str, speed: float = START_SPEED) -> Keys:
+    """Level of a rail with this coefficient at `speed` [m/s], which follows a speed law or "none"."""
+    if law == "none":
+        return {"level": coefficient}
+    at = float(speed_law(speed, *SPEED_LAWS[law]))
+    return {"law_factor": coefficient / at, "speed_law": law}
+
+
 def stretch(factor: float, start: float, end: float) -> list[Keys]:
     """A stretch of rail [m] with so much of the coefficient; none where it has all of it."""
     if factor == 1.0:
@@ -113,19 +119,17 @@ def stretch(factor: float, start: float, end: float) -> list[Keys]:
     return [{"factor": factor, "start_m": start, "end_m": end, "edge_m": 4.0}]
 
 
+def spell(factor: float, begin: float, lasts: float, fade: float) -> list[Keys]:
+    """A time [s] in which the rail has so much of the coefficient; none where it has all of it."""
+    if factor == 1.0:
+        return []
+    return [{"factor": factor, "begin_s": begin, "until_s": begin + lasts, "fade_s": fade}]
+
+
 def patch(d: Drawn, begin: float = 0.0) -> list[Keys]:
     """The drawn patch, counted from `begin` [m]."""
     start = begin + d["patch_start_m"]
     return stretch(d["patch_factor"], start, start + d["patch_length_m"])
-
-
-def drop(d: Drawn, begin: float = 0.0) -> list[Keys]:
-    """The drawn fall of adhesion for a time, counted from `begin` [s]."""
-    if d["drop_factor"] == 1.0:
-        return []
-    start = begin + d["drop_begin_s"]
-    until = start + d["drop_length_s"]
-    return [{"factor": d["drop_factor"], "begin_s": start, "until_s": until, "fade_s": 0.3}]
 
 
 def curve(kind: str, d: Drawn) -> Keys:

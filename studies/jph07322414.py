@@ -523,14 +523,12 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
             values = over(rows, f"{quantity}_{place}", case)
             found.append(Claim(f"1, 2: {what},{reading} {place}", text, values, most=1.0, digits=2))
     for place, where in PLACES.items():
-        of, end = (rows, f"speed_peak_{place}"), f"at a {where}, over true ones"
-        text, values = (
-            "wrong coefficients disturb the speed more",
-            over(*of, "wrong", "compensation"),
-        )
-        found.append(Claim(f"1, 2: wrong, {place}", f"{text} {end}", values, least=1.0, digits=2))
-        text, values = "learnt ones keep the speed as steady", over(*of, "learned", "compensation")
-        found.append(Claim(f"3, 4: steady, {place}", f"{text} {end}", values, most=1.25, digits=2))
+        wrong, learned = (over(rows, f"speed_peak_{place}", case, "compensation")
+                          for case in ("wrong", "learned"))  # fmt: skip
+        text = f"wrong coefficients disturb the speed more at a {where}, over true ones"
+        found.append(Claim(f"1, 2: wrong, {place}", text, wrong, least=1.0, digits=2))
+        text = f"learnt ones keep the speed as steady at a {where}, over true ones"
+        found.append(Claim(f"3, 4: steady, {place}", text, learned, most=1.25, digits=2))
     becomes, air = "W3 becomes the mass", rows["least_squares_W1"]
     errors = [
         ("3, 4: I_FB", "with true weights I_FB is nearly zero; over I", rows["exact_feedback"]),

@@ -281,14 +281,11 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
     by, lines = series(rows), []
     for (rail, first), arm in product(KINDS, ARMS):
         own = by[(by["rail"] == rail) & (by["at_first"] == first)]
+        reference = "held" if ARMS[arm].held else "received"
         numbers: Numbers = {
             "largest error": (f"error_{arm}", 4, 1.0),
             "stations until learnt": (f"stations_{arm}", 1, 1.0),
-            "data above truth": (
-                f"excess_{'held' if ARMS[arm].held else 'received'}_{arm}",
-                4,
-                1.0,
-            ),
+            "data above truth": (f"excess_{reference}_{arm}", 4, 1.0),
             "effort [% of plan]": (f"effort_ratio_{arm}", 2, 100.0),
             "slip time [axle s]": (f"slip_time_{arm}", 2, 1.0),
         }

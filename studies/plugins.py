@@ -48,9 +48,9 @@ def _load(path: str) -> ModuleType:
     sys.path.insert(0, str(Path(path).parent))  # its helpers lie beside it
     try:
         if path.endswith(".toml"):
-            from studies.trains import read_train
+            from studies.trains import train_keys
 
-            train = read_train(path)
+            train = train_keys(path).train
             SETS.register(train.name, lambda: train, name)
         else:
             with redirect_stdout(sys.stderr):  # stdout is for results

@@ -6,12 +6,10 @@ for judging, the others for tuning.
 
 import math
 from functools import cache, partial
-from typing import Any
 
 import numpy as np
 
-from alloc.laws import GRAVITY, speed_law
-from alloc.rail import SPEED_LAWS
+from alloc.laws import GRAVITY
 from alloc.train import Train
 from studies import events as e
 from studies.keys import checked
@@ -180,8 +178,8 @@ def _car(mass: float, d: e.Drawn) -> e.Keys:
 
 # the event
 
-ROLLING = 3.0
-"""Time [s] before the brakes, in which the train learns the gradient."""
+ROLLING, FADE = 3.0, 0.2
+"""Time [s] before the brakes, in which the train learns the gradient; and in which adhesion falls and comes back."""
 DURATION = {"start": 12.0, "stop": 15.0}
 
 
@@ -197,16 +195,15 @@ def event(seed: int, k: int) -> Scenario:
              zip(train_keys["formation"], e.loads(d, len(train.cars)), strict=True)]  # fmt: skip
     # the plan of a stop is every axle's, that of a start the driven ones'
     driven = sum(sum(car.driven) for car in train.cars)
-    needs = abs(asked) / GRAVITY * (1.0 if stop else 1.08 * _over_driven(train))
+    on_driven = sum(car.mass * sum(car.driven) / len(car.driven) for car in train.cars)
+    needs = abs(asked) / GRAVITY * (1.0 if stop else 1.08 * (train.mass / on_driven))
     meets = max(e.START_SPEED, speed)
     rail = e.offering({"kind": d["curve"]} | d["shape"], d["offered"] * needs, train, meets)
     level = rail["level"]
     grown = np.log(np.arange(1.0, n + 1.0)) / math.log(n)
     increments = (level * d["growth"] * (grown - grown.mean())).tolist()
-    if d["speed_law"] != "none":
-        at = speed_law(meets, *SPEED_LAWS[d["speed_law"]])
-        rail |= {"law_factor": rail.pop("level") / at, "speed_law": d["speed_law"]}
-    rail |= {
+    rail = e.level(level, d["speed_law"], meets) | {
+        "curve": rail["curve"],
         "increments": {"law": "given", "values": increments},
         "scatter": d["scatter"] * level,
         "scatter_length_m": d["scatter_m"],
@@ -214,16 +211,10 @@ def event(seed: int, k: int) -> Scenario:
         "conditioning_slip": d["conditioning_slip"],
         "patches": _patches(d, train, speed, begin),
     }
-    sensors = {
-        key: d[key]
-        for key in ("speed_noise_kmh", "speed_quantum_kmh", "radius_error", "load_error")
-    }
     units = 4 // GROUPS[d["group"]] * (driven // 4)
-    failed = {"unit": 1 + int(d["failed_place"] * units), "time_s": d["failed_at_s"]}
     knows: e.Keys = {} if d["knows_curve"] else {"curve": {"kind": BELIEVED}}
     if not d["knows_growth"]:
         knows["increments"] = {"law": "none"}
-    swing = 0.6 * (1.0 - d["receptivity"])
     found = {
         "name": train_keys["name"],
         "title": f"event {k}: {d['case']}, {d['fleet']}, {d['curve']}",
@@ -235,33 +226,23 @@ def event(seed: int, k: int) -> Scenario:
         "command": [{"time_s": begin, "acceleration_kmhs": 3.6 * asked}],
         "rail": rail,
         "line": e.line(d, -1e4),
-        "failures": [failed] if d["fails"] else [],
-        "receptivity": {"mean": d["receptivity"], "amplitude": swing, "period_s": 7.0},
+        "failures": e.failures(d, units),
+        "receptivity": e.receptivity(d),
         "belief": knows,
-        "onboard": {
-            "sensors": {key: e.stated(key, one) for key, one in sensors.items()},
-            "telegrams": {"jitter_s": 0.03, "loss": e.stated("", d["telegram_loss"])},
-        },
+        "onboard": e.signals(d),
         "record_period_s": 0.02,
     }
     return parse(found, f"event {k} of seed {seed}")
 
 
-def _over_driven(train: Train) -> float:
-    """Mass of the train over that on its driven axles."""
-    on_them = sum(car.mass * sum(car.driven) / len(car.driven) for car in train.cars)
-    return train.mass / on_them
-
-
 def _patches(d: e.Drawn, train: Train, speed: float, begin: float) -> list[e.Keys]:
     """Two kinds of patches one over the other, each with its own places."""
-    length = sum(car.length for car in train.cars)
     ahead, found = speed * (begin + 1.0), list[e.Keys]()
     for j, kind in enumerate(d["patches"]):
         p: list[float] = d["places"][20 * j : 20 * j + 20]
         between = partial(_between, p)
         if kind in ("bad front", "bad rear"):
-            border = ahead - length * between(0, 0.1, 0.9)
+            border = ahead - train.length * between(0, 0.1, 0.9)
             ends = (border, 1e4) if kind == "bad front" else (-1e4, border)
             found += e.stretch(between(1, 0.5, 0.9), *ends)
         if kind == "short patch":  # ice and leaves, from a wheelset's length to three cars'
@@ -275,17 +256,13 @@ def _patches(d: e.Drawn, train: Train, speed: float, begin: float) -> list[e.Key
                 found += e.stretch(between(i + 2, 0.5, 0.95), place, end)
                 place = end
         if kind == "drop":  # readhesion paper, Table 2: 0.12 of 0.18 for some seconds
-            found += _in_time(between(0, 0.45, 0.85), begin + 3.0, between(1, 2.0, 6.0))
+            found += e.spell(between(0, 0.45, 0.85), begin + 3.0, between(1, 2.0, 6.0), FADE)
         if kind == "come and go":
             for i in range(3):
-                start = begin + 2.5 + 3.5 * i
-                found += _in_time(between(2 * i, 0.6, 0.9), start, between(2 * i + 1, 1.0, 3.0))
+                lasts = between(2 * i + 1, 1.0, 3.0)
+                found += e.spell(between(2 * i, 0.6, 0.9), begin + 2.5 + 3.5 * i, lasts, FADE)
     return found
 
 
 def _between(places: list[float], j: int, low: float, high: float) -> float:
     return low + places[j] * (high - low)
-
-
-def _in_time(factor: float, begin: float, lasts: float) -> list[Any]:
-    return [{"factor": factor, "begin_s": begin, "until_s": begin + lasts, "fade_s": 0.2}]

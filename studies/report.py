@@ -3,7 +3,7 @@
 Python gives tables and data to the template `report.html`. Plotly's JavaScript draws; the page holds it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from html import escape
 from inspect import getsource
@@ -21,7 +21,7 @@ from alloc.metrics import METRICS
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.record import provenance
 from alloc.rules import RULES
-from studies.compare import EFFORT, REFERENCE, Standing, answer, informed, standings
+from studies.compare import EFFORT, REFERENCE, Standing, answer, by_controller, informed, standings
 from studies.core import StudyError
 from studies.runs import recorded
 from studies.scenario import Scenario, load, near, shipped
@@ -49,7 +49,7 @@ def write(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
         raise StudyError(needs) from None
     rows = _rows(folder)
     found = standings(rows)
-    laws = list(dict.fromkeys(one.controller for one in found))
+    laws = by_controller(found)
     replays, left_out = _replays(rows, found, laws, _replayed(rows, events))
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # names in our order
@@ -59,7 +59,7 @@ def write(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
         answer=answer(found).splitlines(),
         about={kind: rows[kind].nunique() for kind in ("scenario", "rule", "controller", "seed")},
         runs=len(rows),
-        forests=[_forest(found, law) for law in laws],
+        forests=[_forest(law, own) for law, own in laws.items()],
         told=informed([one.rule for one in found]),
         numbers=Markup(_numbers(found)),
         metrics=Markup(_metrics(rows)),
@@ -94,9 +94,9 @@ def _rows(folder: Path) -> pd.DataFrame:
 # tables and forests
 
 
-def _forest(found: Sequence[Standing], law: str) -> dict[str, Any]:
+def _forest(law: str, found: Sequence[Standing]) -> dict[str, Any]:
     """Gains over the reference [points] under a controller, for the page to draw; the best last, which is on top."""
-    own = [one for one in found if one.controller == law and one.rule != REFERENCE][::-1]
+    own = [one for one in found if one.rule != REFERENCE][::-1]
     ends = [(one.gain.low, one.gain.high) if one.gain.low < one.gain.high else one.gain[:1] * 2
             for one in own]  # fmt: skip
     return {
@@ -181,7 +181,7 @@ def _replayed(rows: pd.DataFrame, events: Sequence[str]) -> list[Scenario]:
 
 
 def _replays(
-    rows: pd.DataFrame, found: Sequence[Standing], laws: Sequence[str], events: Sequence[Scenario]
+    rows: pd.DataFrame, found: Sequence[Standing], laws: Iterable[str], events: Sequence[Scenario]
 ) -> tuple[dict[str, Any], int]:
     """Event -> its title, and controller -> rule -> run; beside it the number of runs that found no room.
 

@@ -282,7 +282,7 @@ def remarks(event: Event) -> Iterator[str]:
     downhill = GRAVITY * max(0.0, -min(event.line.grades))
     speed = event.initial_speed + step * np.cumsum(np.maximum(asked, 0.0) + downhill)
     head = event.initial_position + step * float(speed.sum())
-    tail = event.initial_position - sum(car.length for car in train.cars)
+    tail = event.initial_position - train.length
     for k, patch in enumerate(event.rail.patches, 1):
         if patch.start - patch.edge > head or patch.end + patch.edge < tail:
             yield f"rail.patches[{k}]: no axle is ever between start_m = {patch.start:g} and end_m = {patch.end:g}"

@@ -44,6 +44,10 @@ class Interval(NamedTuple):
         told = self.events >= SHOWN and self.low < self.high
         return f"{value} [{low}, {high}]" if told else value
 
+    def tied(self, little: float) -> bool:
+        """Of a difference: whether it cannot be told from 0, or nobody chooses by it, being less than `little`."""
+        return bool(self.low <= 0.0 <= self.high or abs(self.value) < little)
+
     def times(self, scale: float) -> "Interval":
         """The same number in another unit."""
         return Interval(scale * self.value, scale * self.low, scale * self.high, self.events)

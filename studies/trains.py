@@ -17,11 +17,6 @@ from studies import StudyError
 from studies.keys import Keys, checked, in_words_of, keys_of, read_toml, told_of
 
 
-def read_train(path: str | Path) -> Train:
-    """The train of a file; raises `StudyError` that names the file and the key."""
-    return train_keys(path).train
-
-
 def train_keys(path: str | Path) -> "TrainKeys":
     """The keys of a file, whose train is known to be possible; raises `StudyError` that names the file and the key."""
     with told_of(f"file {str(path)!r}"):

@@ -12,7 +12,7 @@ from alloc.sets import find_set
 from alloc.simulation import simulate
 from studies.core import StudyError
 from studies.scenario import SHIPPED, load, schema
-from studies.trains import read_train
+from studies.trains import train_keys
 
 TRAM = Path(__file__).with_name("tram.toml").read_text()
 EVENT = (
@@ -32,7 +32,7 @@ def folder(tmp_path):
 
 
 def test_the_train_is_as_its_file_says():
-    train = read_train(Path(__file__).with_name("tram.toml"))
+    train = train_keys(Path(__file__).with_name("tram.toml")).train
     assert (train.name, train.axle_count, train.mass) == ("tram", 6, 2 * 17e3 + 12e3)
     assert train.planned_acceleration == 4.0 / 3.6
     assert train.resistance == (900.0, 60.0, 4.0)
@@ -45,7 +45,7 @@ def test_the_train_is_as_its_file_says():
     "name", ["one-axle", "jp4209318-3car", "commuter-8car", "high-speed-16car", "freight-5"]
 )
 def test_shipped_sets_are_templates(name):
-    assert read_train(Path(sets.__file__).with_name(f"{name}.toml")) == find_set(name)
+    assert train_keys(Path(sets.__file__).with_name(f"{name}.toml")).train == find_set(name)
 
 
 def test_the_schema_knows_a_train_and_names_a_misspelt_key():

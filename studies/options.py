@@ -1,0 +1,71 @@
+"""Options of the command `readhesion` that several commands have, and how their values are read."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter, Token
+
+
+def _whole(least: int, most: int) -> Parameter:
+    """A whole number within these; the library would round 1.5."""
+
+    def convert(_: type, tokens: Sequence[Token]) -> int:
+        given = tokens[0].value
+        if not given.removeprefix("-").isdecimal():
+            raise ValueError(f"{given!r} is not a whole number")
+        if not least <= int(given) <= most:
+            raise ValueError(f"{given}: give a whole number from {least} to {most}")
+        return int(given)
+
+    return Parameter(converter=convert, n_tokens=1)
+
+
+def _names(_: type, tokens: Sequence[Token]) -> list[str]:
+    """Several names, one by one or with commas."""
+    found = [part.strip() for one in tokens for part in one.value.split(",")]
+    if not any(found):
+        raise ValueError("it has no name; `readhesion list` has them")
+    return list(dict.fromkeys(filter(None, found)))
+
+
+Seed = Annotated[int, _whole(0, 2**31 - 1)]
+Count = Annotated[int, _whole(1, 1_000_000)]
+Jobs = Annotated[int, _whole(1, 16 * (os.cpu_count() or 1))]
+Names = Annotated[
+    list[str] | None,
+    Parameter(consume_multiple=True, negative_iterable=(), converter=_names),
+]
+Flag = Annotated[bool, Parameter(negative=())]
+Json = Annotated[Flag, Parameter("--json")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Work:
+    """Who works."""
+
+    jobs: Jobs | None = None
+    """Processes [default: one per core]."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler, or the file that it wrote; its workers do the work."""
+    retry_failed: Flag = False
+    """Run again what failed."""
+    dry_run: Flag = False
+    """Say what is to be run and about how long it takes; run nothing."""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Sweep(Work):
+    """Who works, and what becomes of it."""
+
+    out: Path = Path("results")
+    """Folder for rows, tables and figure."""
+    as_json: Json = False
+    """Print JSON instead."""
+
+
+WORK, SWEEP = Work(), Sweep()
