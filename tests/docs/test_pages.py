@@ -141,20 +141,22 @@ NUMBERS = {
     "sharing the MPC uses {:.1f} %": (LAWS_TABLE, "mpc", USED, 1),
     "perturb-observe {:.1f} %, and": (LAWS_TABLE, "perturb-observe", USED, 1),
     "cut-and-ramp {:.1f} %; all": (LAWS_TABLE, "cut-and-ramp", USED, 1),
-    "In starts it gains +{:.2f} [{:.2f}, {:.2f}] points": (
-        RULES_TABLE, "perturb-observe cooperative", ("starts",), 1,
+    "It gains +{:.2f} [{:.2f}, {:.2f}] points": (
+        RULES_TABLE, "perturb-observe cooperative", GAIN, 1,
     ),
-    "and +{:.2f} [{:.2f}, {:.2f}] under the MPC": (RULES_TABLE, "mpc cooperative", ("starts",), 1),
-    "above 1 point +{:.2f} [{:.2f}, {:.2f}]": (
+    "and +{:.2f} [{:.2f}, {:.2f}] under the MPC, in": (RULES_TABLE, "mpc cooperative", GAIN, 1),
+    "in stops; +{:.2f} [{:.2f}, {:.2f}] and": (
         RULES_TABLE, "perturb-observe cooperative", ("headroom above 1 point",), 1,
     ),
-    "stop it loses {:.1f}:": (RULES_TABLE, "mpc cooperative", WORST, -1),
+    "and +{:.2f} [{:.2f}, {:.2f}] where the headroom": (
+        RULES_TABLE, "mpc cooperative", ("headroom above 1 point",), 1,
+    ),
     "and lose {0:.2f} points. `exact`": (RULES_TABLE, "perturb-observe exact", GAIN, -1),
     "is told, loses {0:.2f}.": (RULES_TABLE, "perturb-observe exact-reported", GAIN, -1),
     "harms {:.0f} % of the events": (RULES_TABLE, "perturb-observe uniform", HARMED, 1),
     "by up to {:.1f} points; `cooperative`": (RULES_TABLE, "perturb-observe uniform", WORST, -1),
     "`cooperative` harms {:.0f} %": (RULES_TABLE, "perturb-observe cooperative", HARMED, 1),
-    "by up to {:.1f}. -": (RULES_TABLE, "perturb-observe cooperative", WORST, -1),
+    "by up to {:.1f}. - **Limits": (RULES_TABLE, "perturb-observe cooperative", WORST, -1),
     "reaches {:.1f} % [{:.1f}, {:.1f}]": (CLAIMS, "a: greedy-printed under cut-and-ramp", MEAN, 1),
     "`cooperative` {:.1f} % [{:.1f}, {:.1f}]": (
         CLAIMS, "a: cooperative under perturb-observe", MEAN, 1,
