@@ -299,9 +299,9 @@ def test_a_target_is_the_limit_on_the_loaded_axles_within_the_motors_and_rises_s
 FULL = 1.05 * 0.1 * 1e5 * 0.43 / 7.0
 
 
-def braking(ticks, takes=1.0, left=1.0, **columns):
+def braking(ticks, takes=1.0, left=1.0, limit=0.1, **columns):
     """Blended braking of a unit whose line takes a share and whose controller leaves a share of the target."""
-    units = UNIT.rows(1, load=1e5, brake_turning=0.05, brake_limit=5e3, limit=0.1, **columns)
+    units = UNIT.rows(1, load=1e5, brake_turning=0.05, brake_limit=5e3, limit=limit, **columns)
     run = RUN.rows(1, driver_command=-1.0, sign=-1.0, braking=1, plan=0.1)[0]
     u, onboard = units[0], ONBOARD.rows(1)[0]
     for _ in range(ticks):
@@ -321,6 +321,15 @@ def test_motors_and_air_sum_up_to_the_demand_and_air_gives_what_the_line_does_no
     assert u.torque_target == pytest.approx(takes * FULL, abs=0.01 * FULL)
     for u in braking(300, works=0):
         assert (u.torque_target, u.air_brake_force) == (0.0, pytest.approx(u.pattern * 7.0 / 0.43))
+
+
+@pytest.mark.parametrize(("takes", "works"), [(2.0, 1), (0.4, 1), (0.0, 1), (0.0, 0)])
+def test_beyond_the_plan_only_motors_brake(takes, works):
+    for u in braking(1500, takes, limit=0.13, works=works):
+        assert u.air_brake_force <= (1.0 + 1e-12) * FULL * 7.0 / 0.43
+    motors, air = u.torque_target, u.air_brake_force * 0.43 / 7.0
+    assert motors == pytest.approx(min(takes, 1.3) * FULL, abs=0.01 * FULL)
+    assert air == pytest.approx(max(FULL - motors, 0.0), abs=1e-6 * FULL)
 
 
 def test_a_unit_that_follows_an_order_makes_up_for_its_cylinders():
