@@ -49,6 +49,8 @@ results: compare     ## compute the tables of the pages again, or those of one S
 	cp results/compare/table.md docs/tables/compare-table.md
 	$(BIN)/readhesion benchmark --store docs/tables/benchmark.parquet > /dev/null
 	for table in table controllers front statements; do cp results/benchmark/$$table.md docs/tables/benchmark-$$table.md; done
+	$(BIN)/readhesion benchmark --seed 66 --events 100 --out results/second > /dev/null
+	cp results/second/benchmark/table.csv docs/tables/benchmark-second.csv
 	for study in $(STUDY); do $(BIN)/readhesion sweep $$study > /dev/null && \
 	  for table in table statements; do test ! -f results/$$study/$$table.md || \
 	    cp results/$$study/$$table.md docs/tables/$$study-$$table.md; done || exit; done
