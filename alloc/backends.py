@@ -48,7 +48,7 @@ def _minimum(a, b):
 
 _TEXT = inspect.getsource(laws)
 compiled: Any = _laws(
-    "compiled", _Lazy().visit(ast.parse(_TEXT)), njit(error_model="numpy"),
+    "compiled", _Lazy().visit(ast.parse(_TEXT)), njit(error_model="numpy", forceinline=True),
     maximum=_maximum, minimum=_minimum, absolute=abs, exp=math.exp, sqrt=math.sqrt, copysign=math.copysign,
     atan=math.atan, sine=math.sin,
 )  # fmt: skip

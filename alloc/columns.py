@@ -185,7 +185,6 @@ LINE = Table(
     "line",  # a point every `PLANT.line_spacing` from `PLANT.line_origin` on
     grade=Column(0.0, ONE, "rise per run", source="JP H07-322414"),
     air=Column(1.0, ONE, "air resistance over that in the open", source="JP H07-322414"),
-    curving=Column(0.0, ONE, "curve resistance over weight"),
 )
 
 PLANT = Table(

@@ -1,16 +1,16 @@
-"""How good was a run? Metrics of a recorded run: effort, adhesion, time lost, slip, wheel damage, ride, search for adhesion.
+"""How good was a run? Metrics of a recorded run: effort, adhesion, time lost, slip, wheel damage, ride.
 
 In: the Dataset of `simulate`. Out: one float each, nan where it does not apply. Every metric judges by the truth: forces,
 adhesion and motors of the plant, and the driver's plan by the train's true masses (`planned_coefficient`). So equal forces
-have equal metrics. Torque targets and commands count only where they are what is measured (`held_back`, searches).
+have equal metrics, whatever was commanded.
 
 "Under demand" means while the driver asks for traction or braking; forces count in the direction asked for. A unit has one
 torque for all its axles, so its weakest axle bounds it, unless its motors run in parallel on one frequency.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from functools import cached_property, lru_cache, wraps
+from collections.abc import Callable
+from functools import cached_property, wraps
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from alloc.errors import UnsoundRun
 from alloc.least_damage import Fronts, find_fronts
 from alloc.registry import Registry
-from alloc.search import searches
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -35,14 +34,6 @@ LOCK_SPEED, STANDING_SPEED, STANDSTILL = 5.0 / 3.6, 0.1, 0.01
 """Speeds [m/s]: of a train above which a wheel whose rim is slower than the second is locked; of a train that stands."""
 LEAST_GAIN = 0.1
 """Acceleration [m/s2] that dry rail must allow for time to be lost."""
-LIMITED = 0.985
-"""Share of its target below which a unit's own controller limits it: on the rising branch of the curve creep control keeps
-within a hundredth of the target."""
-
-STAY, LEAST_EPISODE = 0.5, 1.0
-"""Times [s]: for which found adhesion must stay used; of a shortage that is too short to search in."""
-TURNING = 0.05
-"""Part of a target that accelerates the unit's own wheelsets; a smaller excess over the rail's force is no shortage."""
 MEAN_TIME = 1.0
 """Time [s] over which torque is averaged: slower changes are the course of the event."""
 
@@ -126,8 +117,6 @@ class TrainBounds(NamedTuple):
     """The same if each unit delivers no more than its own part of the plan."""
     force: Floats
     """Delivered; below 0 where the train turns wheels that failed motors do not."""
-    held_back: Floats
-    """Shortfall from the bound at units that could deliver more while their own controllers limit them."""
 
 
 class Run:
@@ -213,13 +202,7 @@ class Run:
             given = force[:, trailing]
             for total, more in ((plan, part), (bound, held), (apart, held), (delivered, given)):
                 total += np.where(air, more.sum(axis=1), 0.0)
-        bound = np.minimum(plan, bound)
-        limited = self["torque_command"][calm] < LIMITED * self["torque_target"][calm]
-        # who resists has lost all that he could give, and no more
-        unused = np.clip(most - force @ self.of_unit, 0.0, np.maximum(most, 0.0))
-        short = bound - np.clip(delivered, 0.0, bound)
-        lost = np.minimum((limited * unused).sum(axis=1), short)
-        return TrainBounds(plan, bound, np.minimum(plan, apart), delivered, lost)
+        return TrainBounds(plan, np.minimum(plan, bound), np.minimum(plan, apart), delivered)
 
     @cached_property
     def dry_gain(self) -> Floats:
@@ -258,25 +241,6 @@ class Run:
     def fronts(self) -> Fronts | None:
         """Best splits of the effort; None without driven axles or demand, or where the run names no curve."""
         return find_fronts(self)
-
-    @cached_property
-    def searches(self) -> list[tuple[float, bool]]:
-        """Of every search for lost adhesion its time [s], and whether it was found."""
-        stay, least = self.instants(STAY), self.instants(LEAST_EPISODE)
-        return [
-            (ticks * self.period, finished)
-            for short, used, available in zip(*(one.T for one in self.shortage), strict=True)
-            for ticks, finished in searches(short, used, available, stay, least)
-        ]
-
-    @cached_property
-    def shortage(self) -> tuple[Flags, Floats, Floats]:
-        """Whether a unit is short, and the coefficients that it uses and that its weakest axle finds, (time, unit) each."""
-        used = (self.force @ self.of_unit) / (self["axle_load"] @ self.of_unit)
-        found = _weakest(self["adhesion_limit"], self.unit, self.axles.size) / self.axles
-        at_rim = np.abs(self["torque_target"]) * self["unit_gear"] / self["unit_radius"]
-        asked = (at_rim + self["air_brake_force"]) * self.axles / self["unit_static_load"]
-        return (asked > (1.0 + TURNING) * found) & self.demand[:, None], used, found
 
 
 def _weakest(values: Floats, label: NDArray[np.int64], labels: int) -> Floats:
@@ -328,49 +292,28 @@ def period_of(run: xr.Dataset) -> float:
     return float((time[-1] - time[0]) / (time.size - 1)) if time.size > 1 else math.nan
 
 
-@lru_cache(maxsize=16)
-def _low_pass(cut_off: float) -> Floats:
-    """Second-order sections; `cut_off` as a share of the Nyquist frequency."""
-    from scipy.signal import butter
-
-    return np.asarray(butter(2, cut_off, output="sos"))
-
-
 def jerk(run: xr.Dataset) -> Floats:
     """Jerk of each car [m/s3], (time, car), from its acceleration below `JERK_CUT_OFF`; nan in a run of one instant."""
     every, period = series(run, "car_acceleration").astype(float), period_of(run)
     if len(every) < 2:
         return np.full_like(every, np.nan)
     values = every[:, :1] if (every == every[:, :1]).all() else every  # all cars move as one
-    nyquist = 0.5 / period
-    if nyquist > JERK_CUT_OFF and len(values) > 30:
-        from scipy.signal import sosfiltfilt  # slow to import, and needed by a run alone
-
-        # mirrored at its ends: an odd extension would turn what vibrates there into a step
-        values = sosfiltfilt(_low_pass(JERK_CUT_OFF / nyquist), values, axis=0, padtype="even")
+    # a Butterworth low-pass of second order to and fro; mirrored, since it takes what it filters for periodic
+    mirrored = np.concatenate([values, values[::-1]])
+    gain = 1.0 / (1.0 + (np.fft.rfftfreq(len(mirrored), period) / JERK_CUT_OFF) ** 4)
+    kept = np.fft.rfft(mirrored, axis=0) * gain[:, None]
+    values = np.fft.irfft(kept, len(mirrored), axis=0)[: len(values)]
     return np.broadcast_to(np.gradient(values, period, axis=0), every.shape)
 
 
-def _mean(values: Sequence[float]) -> float:
-    return float(np.mean(values)) if values else math.nan
-
-
-def _utilisation_short(run: Run) -> float:
-    if not run.driven.any():
-        return math.nan
-    counted = run.shortage[0][:, run.unit] & run.driven
-    return share(run.force[counted], run.available[counted])
-
-
 def _torque_fluctuation(run: Run) -> float:
-    from scipy.ndimage import uniform_filter1d  # slow to import, and needed by a run alone
-
     if not run.demand.any() or not run.driven.any():
         return math.nan
     planned = run.planned[run.demand].mean() * run["unit_static_load"]
     planned *= run["unit_radius"] / (run["unit_gear"] * run.axles)
-    command = run["torque_command"][run.demand] / planned
-    rest = command - uniform_filter1d(command, run.instants(MEAN_TIME), axis=0, mode="nearest")
+    torque, width = run["motor_torque"][run.demand] / planned, run.instants(MEAN_TIME)
+    padded = np.pad(torque, ((width // 2, width - width // 2), (0, 0)), "edge").cumsum(axis=0)
+    rest = torque - (padded[width:] - padded[:-width]) / width
     return float(np.sqrt((rest**2).mean()))
 
 
@@ -386,9 +329,6 @@ _METRICS: tuple[tuple[str, str, int, tuple[float, float], str, Callable[[Run], A
      lambda run: share(run.bounds.bound, run.bounds.plan)),
     ("headroom", "1", 0, SHARE, "share of the plan that only sharing between units can reach",
      lambda run: share(run.bounds.bound - run.bounds.apart, run.bounds.plan)),
-    ("held_back", "1", -1, SHARE,
-     "share of the bound that readhesion controllers lose at the units they limit; sharing leaves the rest unused",
-     lambda run: share(run.bounds.held_back, run.bounds.bound)),
     ("over_delivery", "1", -1, NEVER_NEGATIVE, "effort beyond the plan, relative to it",
      lambda run: share(np.maximum(run.bounds.force - run.bounds.plan, 0.0), run.bounds.plan)),
     ("utilisation", "1", +1, EITHER_WAY, "adhesion used: rail force over the force available to acting axles", _utilisation),
@@ -428,15 +368,7 @@ _METRICS: tuple[tuple[str, str, int, tuple[float, float], str, Callable[[Run], A
      lambda run: np.abs(run.jerk).max() if run.jerk.size else math.nan),
     ("coupler_peak", "kN", -1, NEVER_NEGATIVE, "largest coupler force; nan for a rigid train",
      lambda run: float(np.abs(run["coupler_force"]).max()) / 1e3 if run["coupler_force"].any() else math.nan),
-    # the search for adhesion that was lost
-    ("search_time", "s", -1, NEVER_NEGATIVE,
-     "mean time from a loss of adhesion until 90 % of it is used again; where a search is cut off, until then",
-     lambda run: _mean([time for time, _ in run.searches])),
-    ("unfinished_searches", "1", -1, SHARE, "share of the searches for adhesion that found none in time",
-     lambda run: _mean([not found for _, found in run.searches])),
-    ("utilisation_short", "1", +1, EITHER_WAY, "adhesion used by units whose target asks for more of it",
-     _utilisation_short),
-    ("torque_fluctuation", "1", -1, NEVER_NEGATIVE, "rms of torque commands about their 1 s mean, over the plan's",
+    ("torque_fluctuation", "1", -1, NEVER_NEGATIVE, "rms of the motors' torques about their 1 s mean, over the plan's",
      _torque_fluctuation),
     ("rule_failures", "1", -1, NEVER_NEGATIVE, "calls in which the rule's solver failed",
      lambda run: run.attrs["rule_failures"]),

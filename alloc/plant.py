@@ -24,7 +24,7 @@ FLOOR = 1e-3
 USED, USED_BY_AIR, BACK = 0.999, 0.995, 0.8
 """Shares of the true adhesion that the oracle uses pulling, and braking with air: at the very peak no torque can be held.
 Share of what a wheel beyond the peak carries that it leaves to it, so that the wheel comes back."""
-STABLE = 2.0
+STABLE = 2.5
 """Step times fastest rate; classical Runge-Kutta is stable below 2.78."""
 STROKE = 0.1
 """Longest elongation of a coupler [m] for which a step is stable."""
@@ -43,26 +43,19 @@ def places(axles, cars, units, brakes, plant):
 
 
 @jit
-def look_up(table, place):
-    """Value of a table at a place between its points; beyond an end that of the end."""
-    place = min(max(place, 0.0), table.size - 1.000001)
+def look_up(tables, j, place):
+    """Value of table `j` at a place between its points; beyond an end that of the end."""
+    place = min(max(place, 0.0), tables.shape[1] - 1.000001)
     k = int(place)
-    return table[k] + (place - k) * (table[k + 1] - table[k])
+    return tables[j, k] + (place - k) * (tables[j, k + 1] - tables[j, k])
 
 
-# The right side
+# The right side: what most events have in one function, since handing arrays to a part takes time; what few have in parts
 
 
 @part
-def find_offered(t, y, axles, bodies, patches, scatter, plant):
-    """Adhesion coefficient that the rail offers to each axle."""
-    offset = plant.law_offset
-    decline = law.speed_law(y[bodies], 1.0, offset, 0.0)
-    for i in range(axles.size):
-        a = axles[i]
-        if bodies > 1:
-            decline = law.speed_law(y[bodies + a.body], 1.0, offset, 0.0)
-        a.offered = a.law_numerator * decline + a.law_constant + a.increment
+def vary_rail(t, y, axles, bodies, patches, scatter, plant):
+    """Patches, scatter, and what wheels have cleaned, on the adhesion coefficient that the rail offers."""
     for k in range(patches.size):
         p = patches[k]
         change = law.window(t, p.begin, p.until, p.fade) * (p.factor - 1.0)
@@ -78,11 +71,9 @@ def find_offered(t, y, axles, bodies, patches, scatter, plant):
             k = math.floor(knot)
             here, ahead = scatter[k % scatter.size], scatter[(k + 1) % scatter.size]
             a.offered += here + law.smooth_step(knot - k) * (ahead - here)
-    if plant.conditioning > 0.0:
-        for i in range(axles.size):
-            axles[i].offered *= 1.0 + plant.conditioning * axles[i].cleaned
     for i in range(axles.size):
-        axles[i].offered = max(axles[i].offered, FLOOR)
+        a = axles[i]
+        a.offered = max(a.offered * (1.0 + plant.conditioning * a.cleaned), FLOOR)
     if plant.recovered_coefficient > 0.0:
         for i in range(axles.size):
             a = axles[i]
@@ -91,40 +82,23 @@ def find_offered(t, y, axles, bodies, patches, scatter, plant):
 
 
 @part
-def find_coefficients(y, axles, bodies, omega, curve, plant):
-    """Slip velocity and tangential force coefficient of each axle."""
-    number, q, speed = plant.curve_number, curve, y[bodies]
-    if number == PIECEWISE:  # what depends on its parameters alone is computed once
-        q0, q1, q2, q3, q4 = q[0], q[1], q[2], q[3], q[4]
-        for i in range(axles.size):
-            a = axles[i]
-            if bodies > 1:
-                speed = y[bodies + a.body]
-            slip = a.radius * y[omega + i] - speed
-            a.slip_velocity = slip
-            a.coefficient = law.piecewise_coefficient(slip, a.offered, q0, q1, q2, q3, q4)
-        return
-    for i in range(axles.size):
-        a = axles[i]
-        speed, rim = y[bodies + a.body], a.radius * y[omega + i]
-        slip = rim - speed
-        a.slip_velocity = slip
-        a.coefficient = coefficient(number, q, slip, speed, rim, a.offered, a.contact)
-
-
-@part
-def shift_loads(axles, cars):
-    """Axle loads as cars and bogies pitch under their rail force, in closed form: no iteration between force and load."""
+def find_loads(y, axles, cars, bodies, omega, curve, plant):
+    """Coefficients, and axle loads as cars and bogies pitch: in closed form, without iteration between force and load."""
     for k in range(cars.size):
         cars[k].force, cars[k].pitch = 0.0, 0.0
     for i in range(axles.size):
         a, c = axles[i], cars[axles[i].car]
-        c.force += a.coefficient * a.static_load
-        c.pitch += a.coefficient * a.unloading
-    for i in range(axles.size):
-        a, c = axles[i], cars[axles[i].car]
-        force = law.car_force(c.force, c.pitch)
-        a.axle_load = law.axle_load(a.static_load, a.unloading, force)
+        speed, rim = y[bodies + a.body], a.radius * y[omega + i]
+        slip = rim - speed
+        mu = coefficient(plant.curve_number, curve, slip, speed, rim, a.offered, a.contact)
+        a.coefficient, a.axle_load = mu, a.static_load
+        c.force += mu * a.static_load
+        c.pitch += mu * a.unloading
+    if plant.pitches:
+        for i in range(axles.size):
+            a, c = axles[i], cars[axles[i].car]
+            force = law.car_force(c.force, c.pitch)
+            a.axle_load = law.axle_load(a.static_load, a.unloading, force)
 
 
 @part
@@ -162,30 +136,9 @@ def press_shoes(y, dy, axles, brakes, omega, pressure):
 
 
 @part
-def pull_cars(y, dy, cars, bodies, line, plant):
-    """Accelerations of the bodies; power against resistance and gradient, and power that couplers take in [W]."""
-    origin, spacing, mass = plant.line_origin, plant.line_spacing, plant.body_mass
-    total, lost, taken = 0.0, 0.0, 0.0
-    for k in range(cars.size):
-        c, b = cars[k], cars[k].body
-        place = min(max((y[b] + c.middle - origin) / spacing, 0.0), line.size - 1.000001)
-        here = line[int(place)]
-        grade, air, curving = here.grade, here.air, here.curving
-        if line.size > 1:
-            part, ahead = place - int(place), line[int(place) + 1]
-            grade += part * (ahead.grade - grade)
-            air += part * (ahead.air - air)
-            curving += part * (ahead.curving - curving)
-        speed, constant = y[bodies + b], c.resistance + c.mass * law.GRAVITY * curving
-        drag = law.resistance(speed, constant, c.resistance_linear, c.resistance_quadratic * air)
-        drag += law.gradient_force(c.mass, grade)
-        lost += drag * speed
-        total += c.force - drag
-        if mass == 0.0:
-            dy[k], dy[bodies + k] = speed, c.force - drag
-    if mass > 0.0:
-        dy[0], dy[1] = y[1], total / mass
-        return lost, taken
+def pull_couplers(y, dy, cars, bodies):
+    """Accelerations of cars under the forces `dy` [N] and those of their couplers; power that these take in [W]."""
+    taken = 0.0
     for k in range(bodies - 1):
         c, rate = cars[k], y[bodies + k] - y[bodies + k + 1]
         tension = law.coupler_force(
@@ -196,59 +149,9 @@ def pull_cars(y, dy, cars, bodies, line, plant):
         dy[bodies + k] -= tension
         dy[bodies + k + 1] += tension
     for k in range(bodies):
+        dy[k] = y[bodies + k]
         dy[bodies + k] /= cars[k].mass
-    return lost, taken
-
-
-@part
-def turn_wheels(y, dy, axles, cars, units, omega, torque, friction, pitches):
-    """Rail forces, and the wheelsets under them and their motors; sums each unit's angular speeds; power of the motors."""
-    motors = 0.0
-    for k in range(cars.size):
-        cars[k].force = 0.0
-    for j in range(units.size):
-        dy[torque + j] = 0.0
-    for i in range(axles.size):
-        a, turning = axles[i], y[omega + i]
-        load = a.axle_load if pitches else a.static_load
-        force = a.coefficient * load
-        a.axle_load, a.rail_force, a.brake_force = load, force, 0.0
-        cars[a.car].force += force
-        at_wheel = -a.radius * force
-        if a.unit >= 0:
-            driving = a.gear * y[torque + a.unit]
-            at_wheel += driving
-            motors += driving * turning
-            dy[torque + a.unit] += turning
-        dy[omega + i] = at_wheel / a.inertia
-        dy[friction + i] = force * a.slip_velocity
-    return motors
-
-
-@part
-def fill_cylinders(y, dy, brakes, pressure):
-    """Rates of the pressures; their sum."""
-    pressed = 0.0
-    for g in range(brakes.size):
-        b, p = brakes[g], y[pressure + g]
-        pressed += p
-        dy[pressure + g] = law.pressure_rate(p, b.filling, b.acting, b.fill_time, b.release_time)
-    return pressed
-
-
-@part
-def drive_motors(t, y, dy, units, effort, retard, torque, plant):
-    """Rates of the torques, behind commands within what motors and line allow at the units' rim speeds."""
-    share = law.power_taken(
-        t, plant.receptivity_mean, plant.receptivity_amplitude, plant.receptivity_period, plant.receptivity_phase
-    )  # fmt: skip
-    for j in range(units.size):
-        u = units[j]
-        kmh = 3.6 * abs(dy[torque + j]) * u.true_radius / u.axles
-        drive, brake = look_up(effort[j], kmh), share * look_up(retard[j], kmh)
-        if t >= u.failure:
-            drive = brake = 0.0
-        dy[torque + j] = law.torque_rate(y[torque + j], u.applied, drive, brake, u.lag)
+    return taken
 
 
 @jit
@@ -257,19 +160,97 @@ def derivative(
 ):
     """Right side `dy` of the state `y` at the instant `t`; the rows note what is of this instant."""
     bodies, omega, torque, pressure, friction = places(axles, cars, units, brakes, plant)
-    works, pitches = friction + axles.size, plant.pitches
-    find_offered(t, y, axles, bodies, patches, scatter, plant)
-    find_coefficients(y, axles, bodies, omega, curve, plant)
-    if pitches:
-        shift_loads(axles, cars)
-    motors = turn_wheels(y, dy, axles, cars, units, omega, torque, friction, pitches)
+    motors, shoes, lost, taken = 0.0, 0.0, 0.0, 0.0  # powers [W]
+
+    # the rail
+    offset = plant.law_offset
+    decline = law.speed_law(y[bodies], 1.0, offset, 0.0)
+    for i in range(axles.size):
+        a = axles[i]
+        if bodies > 1:
+            decline = law.speed_law(y[bodies + a.body], 1.0, offset, 0.0)
+        a.offered = max(a.law_numerator * decline + a.law_constant + a.increment, FLOOR)
+    cleans = plant.conditioning > 0.0 or plant.recovered_coefficient > 0.0
+    if cleans or patches.size > 0 or plant.scatter_length > 0.0:
+        vary_rail(t, y, axles, bodies, patches, scatter, plant)
+
+    # the wheelsets; a unit's angular speeds are summed where the rate of its torque will stand
+    q0, q1, q2, q3, q4 = 0.0, 0.0, 0.0, 0.0, 0.0
+    usual = plant.curve_number == PIECEWISE and not plant.pitches
+    if usual:  # what follows from these alone is found once
+        q0, q1, q2, q3, q4 = curve[0], curve[1], curve[2], curve[3], curve[4]
+    else:
+        find_loads(y, axles, cars, bodies, omega, curve, plant)
+    for k in range(cars.size):
+        cars[k].force = 0.0
+    for j in range(units.size):
+        dy[torque + j] = 0.0
+    for i in range(axles.size):
+        a, turning = axles[i], y[omega + i]
+        slip, mu, load = a.radius * turning - y[bodies + a.body], a.coefficient, a.axle_load
+        if usual:
+            load = a.static_load
+            mu = law.piecewise_coefficient(slip, a.offered, q0, q1, q2, q3, q4)
+        force = mu * load
+        a.slip_velocity, a.coefficient, a.axle_load = slip, mu, load
+        a.rail_force, a.brake_force = force, 0.0
+        cars[a.car].force += force
+        at_wheel = -a.radius * force
+        if a.unit >= 0:
+            driving = a.gear * y[torque + a.unit]
+            at_wheel += driving
+            motors += driving * turning
+            dy[torque + a.unit] += turning
+        dy[omega + i] = at_wheel / a.inertia
+        dy[friction + i] = force * slip
     if plant.parallel:
         motors += divide_torque(t, y, dy, axles, units, omega, torque)
-    shoes = 0.0
-    if fill_cylinders(y, dy, brakes, pressure) > 0.0:
+
+    # the cylinders
+    pressed = 0.0
+    for g in range(brakes.size):
+        b, p = brakes[g], y[pressure + g]
+        pressed += p
+        dy[pressure + g] = law.pressure_rate(p, b.filling, b.acting, b.fill_time, b.release_time)
+    if pressed > 0.0:
         shoes = press_shoes(y, dy, axles, brakes, omega, pressure)
-    lost, taken = pull_cars(y, dy, cars, bodies, line, plant)
-    drive_motors(t, y, dy, units, effort, retard, torque, plant)
+
+    # the cars
+    total, last = 0.0, line.size - 1.000001
+    for k in range(cars.size):
+        c, body = cars[k], cars[k].body
+        place = (y[body] + c.middle - plant.line_origin) / plant.line_spacing
+        here = line[int(min(max(place, 0.0), last))]
+        grade, air = here.grade, here.air
+        if line.size > 1:
+            place = min(max(place, 0.0), last)
+            part, ahead = place - int(place), line[int(place) + 1]
+            grade += part * (ahead.grade - grade)
+            air += part * (ahead.air - air)
+        speed, quadratic = y[bodies + body], c.resistance_quadratic * air
+        drag = law.resistance(speed, c.resistance, c.resistance_linear, quadratic)
+        drag += law.gradient_force(c.mass, grade)
+        lost += drag * speed
+        total += c.force - drag
+        dy[bodies + body] = c.force - drag
+    if plant.body_mass > 0.0:
+        dy[0], dy[1] = y[1], total / plant.body_mass
+    else:
+        taken = pull_couplers(y, dy, cars, bodies)
+
+    # the motors, behind commands within what they and the line allow at the units' rim speeds
+    share = law.power_taken(
+        t, plant.receptivity_mean, plant.receptivity_amplitude, plant.receptivity_period, plant.receptivity_phase
+    )  # fmt: skip
+    for j in range(units.size):
+        u = units[j]
+        kmh = 3.6 * abs(dy[torque + j]) * u.true_radius / u.axles
+        drive, brake = look_up(effort, j, kmh), share * look_up(retard, j, kmh)
+        if t >= u.failure:
+            drive = brake = 0.0
+        dy[torque + j] = law.torque_rate(y[torque + j], u.applied, drive, brake, u.lag)
+
+    works = friction + axles.size
     dy[works], dy[works + 1], dy[works + 2], dy[works + 3] = motors, shoes, lost, taken
 
 
@@ -396,22 +377,28 @@ def advance(
 
 
 @jit
-def true_limits(t, y, stage, axles, cars, units, brakes, patches, line, curve, scatter, plant, run):
+def true_limits(
+    t, y, stages, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, plant, run
+):  # fmt: skip
     """What each unit and each trailer's brake can carry, now and as far ahead as a torque cannot be changed: the oracle's.
 
-    Writes `unit.truth` and `brake.most`; `stage` is room for a state.
+    Writes `unit.truth` and `brake.most`.
     """
     bodies, omega, _, _, _ = places(axles, cars, units, brakes, plant)
-    ahead = plant.period
+    ahead, moved = plant.period, stages[0]
     for j in range(units.size):
         units[j].truth = math.inf
         ahead = max(ahead, plant.period + 2.0 * units[j].lag)
     for g in range(brakes.size):
         brakes[g].most = math.inf
     for reach in (ahead, 0.0):
+        for r in range(y.size):
+            moved[r] = y[r]
         for b in range(bodies):
-            stage[b], stage[bodies + b] = y[b] + reach * y[bodies + b], y[bodies + b]
-        find_offered(t + reach, stage, axles, bodies, patches, scatter, plant)
+            moved[b] += reach * y[bodies + b]
+        derivative(
+            t + reach, moved, stages[1], axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, plant
+        )  # fmt: skip
         for i in range(axles.size):
             a = axles[i]
             speed = y[bodies + a.body]

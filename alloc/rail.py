@@ -1,4 +1,4 @@
-"""The rail as it truly is, and the line: adhesion by speed, place, time and axle, gradients, tunnels, curves.
+"""The rail as it truly is, and the line: adhesion by speed, place, time and axle, gradients, tunnels.
 
 In: validated records. Out: rows of the tables that the plant reads. No computer on board reads them.
 
@@ -27,13 +27,6 @@ SPEED_LAWS: dict[str, tuple[float, float, float]] = {
     "curtius-kniffler": (7.5, 44.0, 0.161),  # Curtius and Kniffler, 1950
 }
 """Named laws a / (V + b) + c with V in km/h (`alloc.laws.speed_law`); `none` is 1 at every speed."""
-
-CURVE_LAWS: dict[str, tuple[tuple[float, float, float], ...]] = {
-    "600/R": ((0.0, 600.0, 0.0),),  # kgf/t, as in England and on Japanese lines
-    "800/R": ((0.0, 800.0, 0.0),),  # kgf/t: JR's conventional lines
-    "roeckl": ((0.0, 500.0, 30.0), (300.0, 650.0, 55.0)),  # the step at 300 m is his
-}
-"""Named laws of curve resistance, a / (R - b) per mille of the weight, R in m: smallest radius of each piece, a, b."""
 
 KNOTS = 1024
 """Knots of the scatter; it repeats after this many correlation lengths."""
@@ -201,10 +194,10 @@ class Rail(PlantRecord):
 
 @dataclass(frozen=True)
 class Line(PlantRecord):
-    """Gradient, tunnels and curves by position; gradient as rise per run (0.020 = 20 per mille).
+    """Gradient and tunnels by position; gradient as rise per run (0.020 = 20 per mille).
 
     `stations` (k,) are the starts of sections with `grades` (k,); before the first and beyond the last the nearest applies.
-    Changes are spread over one `spacing`. Where curves overlap, the sharpest counts.
+    Changes are spread over one `spacing`.
 
     Source: this project.
     """
@@ -219,34 +212,15 @@ class Line(PlantRecord):
     """Air resistance in a tunnel over that outside. Source: JP H07-322414 has such a factor; the value is the train's."""
     spacing: float = quantity(5.0, "m", above=0.0)
     """Resolution of the line."""
-    curves: tuple[tuple[float, float, float], ...] = ()
-    """Start, end and radius of each curve [m]."""
-    curve_law: str = "600/R"
-    """Law of the curves' resistance, which acts on each car at its place: a name of `CURVE_LAWS`. Source: 600/R, 800/R:
-    usual in England and Japan; roeckl: Roeckl, standard gauge."""
 
     def _faults(self) -> Iterator[str]:
         if len(self.stations) != len(self.grades) or not self.stations:
             yield f"{len(self.stations)} stations and {len(self.grades)} grades; give as many of each"
         if any(b < a for a, b in pairwise(self.stations)):
             yield f"stations = {self.stations} must not fall"
-        if self.curve_law not in CURVE_LAWS:
-            yield f"curve_law = {self.curve_law!r} is unknown; choose from {', '.join(CURVE_LAWS)}"
-        for kind, sections in (("tunnel", self.tunnels), ("curve", self.curves)):
-            for start, end, *_ in sections:
-                if not start < end:
-                    yield f"{kind} from {start} to {end} m must end beyond its start"
-        for start, end, radius in self.curves:
-            least = CURVE_LAWS[self.curve_law][0][2]
-            if not least < radius < math.inf:
-                place = f"curve from {start} to {end} m"
-                yield f"{place}: radius = {radius!r} must exceed {least:g} m, and be finite"
-
-    def curving(self, radius: float) -> float:
-        """Resistance of a curve of `radius` [m], as a share of the weight."""
-        pieces = CURVE_LAWS[self.curve_law]
-        _, numerator, offset = max(piece for piece in pieces if piece[0] <= radius)
-        return 1e-3 * numerator / (radius - offset)
+        for start, end in self.tunnels:
+            if not start < end:
+                yield f"tunnel from {start} to {end} m must end beyond its start"
 
     def rows(self, first: float, last: float) -> tuple[float, Rows]:
         """Place of the first point [m], and rows of `LINE` every `spacing` metres up to `last` at least."""
@@ -256,9 +230,6 @@ class Line(PlantRecord):
         rows = LINE.rows(x.size, grade=np.asarray(self.grades, dtype=float)[section])
         for start, end in self.tunnels:
             rows.air[(x >= start) & (x < end)] = self.tunnel_factor
-        for start, end, radius in self.curves:
-            here = (x >= start) & (x < end)
-            rows.curving[here] = np.maximum(rows.curving[here], self.curving(radius))
         if all((rows[name] == rows[name][0]).all() for name in LINE.columns):
             return origin, rows[:1].copy()  # the same everywhere
         return origin, rows

@@ -222,8 +222,8 @@ def aim(belief, law, knows, k, w, record):
     listen(k, w)
     if knows:
         true_limits(
-            run.time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.curve, w.scatter,
-            w.plant[0], run,
+            run.time, w.state, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
+            w.curve, w.scatter, w.plant[0], run,
         )  # fmt: skip
     if belief(k, w.units, record.units, w.heard, run):
         run.asked += 1

@@ -152,7 +152,7 @@ def simulate(
 
 
 HEADLINES = (
-    "bound_use", "headroom", "over_delivery", "acceleration_ratio", "slip_time", "damage", "jerk_rms", "search_time",
+    "bound_use", "headroom", "over_delivery", "acceleration_ratio", "slip_time", "damage", "jerk_rms",
 )  # fmt: skip
 """Metrics that are printed of a run where not all are asked for."""
 

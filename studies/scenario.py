@@ -18,7 +18,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from alloc import rail as plant
 from alloc.curves import CURVES, AdhesionCurve
-from alloc.event import DriverCommand, Event
+from alloc.event import STEP, DriverCommand, Event
 from alloc.laws import GRAVITY
 from alloc.onboard.settings import Belief, Onboard
 from alloc.records import meanings
@@ -345,8 +345,8 @@ class Scenario(Keys):
     """Speed at the start."""
     target_speed_kmh: float | None = Field(default=None, ge=0.0)
     """Speed up to which time and distance are measured. Left out: neither is measured."""
-    step_s: float | None = Field(default=None, gt=0.0)
-    """Longest integration step. Left out: 0.002 s, with noise on the speed sensors 0.001 s."""
+    step_s: float = Field(default=STEP, gt=0.0)
+    """Longest integration step."""
     record_period_s: float = Field(default=0.01, gt=0.0)
     """Time between two recorded instants."""
 

@@ -212,11 +212,8 @@ def test_settings_reach_every_depth_and_no_further():
 
 
 def test_lines_change_where_they_say():
-    origin, rows = Line(
-        (0.0, 100.0), (0.0, 0.02), ((40.0, 60.0),), 2.0, curves=((20.0, 30.0, 300.0),)
-    ).rows(-20.0, 200.0)
+    origin, rows = Line((0.0, 100.0), (0.0, 0.02), ((40.0, 60.0),), 2.0).rows(-20.0, 200.0)
     at = {place: rows[int((place - origin) / 5.0)] for place in (-10.0, 25.0, 50.0, 150.0)}
     assert [float(at[place].grade) for place in at] == [0.0, 0.0, 0.0, 0.02]
     assert [float(at[place].air) for place in at] == [1.0, 1.0, 2.0, 1.0]
-    assert at[25.0].curving == pytest.approx(600.0 / 300.0 * 1e-3)
     assert Line().rows(0.0, 1e4)[1].size == 1

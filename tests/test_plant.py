@@ -52,7 +52,6 @@ class Train:
             9,
             grade=g.uniform(-0.02, 0.02, 9),
             air=g.uniform(1, 2, 9),
-            curving=g.uniform(0, 1e-3, 9),
         )
         self.effort, self.retard = (
             g.uniform(1e3, 4e3, (cars, 120)),
@@ -160,15 +159,8 @@ def independent(t, y, w):
     shoe = np.clip(other + a.inertia * omega / 2e-3, -bound, bound)
     vc, xc = v[c.body], x[c.body] + c.middle
     points = np.clip((xc - p.line_origin) / p.line_spacing, 0, 8 - 1e-6)
-    grade, air, curving = (
-        np.interp(points, np.arange(9), w.line[k]) for k in ("grade", "air", "curving")
-    )
-    drag = (
-        c.resistance
-        + c.mass * 9.80665 * curving
-        + c.resistance_linear * abs(vc)
-        + c.resistance_quadratic * air * vc**2
-    )
+    grade, air = (np.interp(points, np.arange(9), w.line[k]) for k in ("grade", "air"))
+    drag = c.resistance + c.resistance_linear * abs(vc) + c.resistance_quadratic * air * vc**2
     drag = drag * vc / np.hypot(vc, 0.05) + c.mass * 9.80665 * np.sin(np.arctan(grade))
     stretch = -np.diff(x) - np.clip(-np.diff(x), -0.5 * c.slack[: b - 1], 0.5 * c.slack[: b - 1])
     tension = (c.stiffness[: b - 1] + 1e9 * stretch**2) * stretch - 2e4 * np.diff(v) * np.clip(

@@ -64,8 +64,8 @@ def sense(y, noise, axles, cars, units, brakes, effort, retard, plant, onboard, 
         if u.seen == 0:
             u.rim, u.worst_slip = before, 0.0
         u.rim /= max(u.seen, 1)
-        u.drive_limit = look_up(effort[j], 3.6 * abs(u.rim))
-        u.brake_limit = look_up(retard[j], 3.6 * abs(u.rim))
+        u.drive_limit = look_up(effort, j, 3.6 * abs(u.rim))
+        u.brake_limit = look_up(retard, j, 3.6 * abs(u.rim))
         watch_unseen(u, run)
         observe(u, onboard, run)
         detect(u, onboard, run)
