@@ -15,7 +15,16 @@ LOAD, MASS, ASKED = 1e5, 1e5, 0.8
 CURVE = PiecewiseCurve(micro_slope=5.0, top_curvature=2e3)
 """A line nearly up to its peak."""
 PER_UNIT = ("drive_limit", "brake_limit", "motor_torque")
-ON_BOARD = ("plan", "torque_command", "torque_target", "limit", "reference_speed", "coefficient_estimate", "level", "case")
+ON_BOARD = (
+    "plan",
+    "torque_command",
+    "torque_target",
+    "limit",
+    "reference_speed",
+    "coefficient_estimate",
+    "level",
+    "case",
+)
 
 
 def made(force, level=0.5, command=ASKED, period=0.01, unit=None, **changes):

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.optimize import minimize_scalar
+from scipy.interpolate import make_smoothing_spline
 
 from alloc.errors import EstimationError
 from alloc.estimation.series import finite_series, positive_series
@@ -127,96 +126,37 @@ def braking_window(pressure: ArrayLike, speed: ArrayLike) -> slice:
     return slice(int(built[0]), end)
 
 
-# Brake forces of all cars, smoothed over the whole stop. The measurement is (2) with each car's own acceleration, exact at
-# every instant whatever the couplers do: their forces are measured, so no model of them is needed. Neighbours share the
-# noise of the coupler between them; in coordinates in which that noise and the walk are both diagonal this is one scalar
-# series per coordinate. The rate of each force is a random walk: a cylinder builds the force up, then friction changes with
-# the speed. All samples together are a Gaussian with a banded precision, (noise)^-1 + D' D / q with second differences D.
-# Its Cholesky factor gives forces and likelihood.
-
-WALKS = (1e-3, 1e3)
-"""Range [m/s3 per root second] of the walk: from rates that hardly change to a full brake within a sample."""
-SLOWEST = 1e-11
-"""Smallest variance of a second difference over that of the noise; below it, rounding hides the difference."""
-BAND = 2
-"""Samples on either side to which a second difference ties a sample."""
-
-
-class SmoothedForces(NamedTuple):
-    """Brake forces after all measurements."""
-
-    force: Floats
-    """[N], (time, cars)."""
-    walk: float
-    """Change of the rate of force over mass in a second, as deviation [m/s3 per root second], as given or as estimated."""
-    log_likelihood: float
-    """Log likelihood of the second differences of the measurements: a straight line has no prior."""
+WALK = 0.03
+"""How fast the rate of force over mass changes [m/s3 per root second]. Twice or half of it make no difference that counts in
+the report's tests."""
 
 
 def smooth_brake_forces(
     acceleration: ArrayLike, coupler_force: ArrayLike, mass: ArrayLike, period: float,
-    acceleration_noise: float, coupler_noise: float, walk: float | None = None,
-    resistance: ArrayLike = 0.0,
-) -> SmoothedForces:  # fmt: skip
-    """Smooth the brake forces of all cars; arguments as `car_brake_forces`, with own accelerations (time, cars).
+    acceleration_noise: float, coupler_noise: float, resistance: ArrayLike = 0.0,
+) -> Floats:  # fmt: skip
+    """Brake forces of all cars, smoothed over the stop, (time, cars); arguments as `car_brake_forces`, of own accelerations.
 
     `period` [s]: of the samples. `acceleration_noise` [m/s2], `coupler_noise` [N]: standard deviations of white noise per
-    sample. `walk` [m/s3 per root second]: how fast the rate of force over mass may change; None: the most likely one in
-    `WALKS`. Constant errors of sensors and masses are not in the deviation, see `CalibrationErrors`.
+    sample. Each car's measurement is (2), exact at every instant whatever the couplers do, since their forces are measured.
+    It is followed by a smoothing spline, the most likely course where the rate walks at random by `WALK`.
     """
     m = positive_series("mass", mass, (None,))
-    for name, value in (
-        ("period", period), ("acceleration_noise", acceleration_noise),
-        ("coupler_noise", coupler_noise), ("walk", 1.0 if walk is None else walk),
-    ):  # fmt: skip
+    sizes = {"period": period, "acceleration_noise": acceleration_noise, "coupler_noise": coupler_noise}  # fmt: skip
+    for name, value in sizes.items():
         if not (math.isfinite(value) and value > 0.0):
             raise EstimationError(f"smoother: {name} = {value!r} must be a finite number above 0")
     own = finite_series("acceleration", acceleration, (None, m.size))
     measured = car_brake_forces(own, coupler_force, m, resistance)
-    difference = np.eye(m.size, m.size - 1, -1) - np.eye(m.size, m.size - 1)
-    noise = acceleration_noise**2 * np.diag(m**2) + coupler_noise**2 * difference @ difference.T
-    if len(own) <= BAND:
-        told = f"{len(own)} samples have no second difference; give 3 or more"
-        raise EstimationError(f"smoother: {told}")
-    # the walk's covariance is diag(m^2) times a number: in force over mass it is the identity
-    variance, vectors = np.linalg.eigh(noise / np.outer(m, m))
-    y = (measured / m) @ vectors
-    least = math.sqrt(SLOWEST * float(variance.min()) / period**3)
-    if walk is None:
-        between = math.log(max(WALKS[0], least)), math.log(max(WALKS[1], 10.0 * least))
-
-        def unlikely(logarithm: float) -> float:
-            return -_solved(y, variance, math.exp(2.0 * logarithm) * period**3)[1]
-
-        found = minimize_scalar(unlikely, bounds=between, options={"xatol": 0.02})
-        walk = math.exp(float(found.x))
-    elif walk < least:
-        told = f"walk = {walk:g} is too slow for rounding; give {least:.1g} or more"
-        raise EstimationError(f"smoother: {told}")
-    mean, likelihood = _solved(y, variance, walk**2 * period**3)
-    return SmoothedForces(mean @ (m[:, None] * vectors).T, walk, likelihood)
-
-
-def _solved(y: Floats, noise: Floats, bend: float) -> tuple[Floats, float]:
-    """Most likely series (time, cars), and log-likelihood.
-
-    `noise` (cars,): variance of a sample; `bend`: variance of a second difference.
-    """
-    samples = y.shape[0]
-    precision = np.zeros((BAND + 1, samples))
-    for k, one in enumerate((1.0, -2.0, 1.0)):
-        for j, other in enumerate((1.0, -2.0, 1.0)[k:]):
-            precision[j, k : samples - BAND + k] += one * other / bend
-    x, likelihood = np.empty_like(y), 0.0
-    for k, own in enumerate(noise):
-        precision[0] += 1.0 / own
-        factor = cholesky_banded(precision, lower=True, check_finite=False)
-        precision[0] -= 1.0 / own
-        x[:, k] = cho_solve_banded((factor, True), y[:, k] / own, check_finite=False)
-        misfit = float(y[:, k] @ (y[:, k] - x[:, k])) / own
-        determinant = 2.0 * float(np.log(factor[0]).sum()) + samples * math.log(own)
-        likelihood -= 0.5 * (misfit + determinant + (samples - BAND) * math.log(2.0 * np.pi * bend))
-    return x, likelihood
+    if len(own) < 5:
+        raise EstimationError(f"smoother: {len(own)} samples are too few; give 5 or more")
+    time, ends = (
+        period * np.arange(len(own)),
+        np.where(np.arange(m.size) % max(m.size - 1, 1), 2, 1),
+    )
+    stiff = (acceleration_noise**2 + ends * (coupler_noise / m) ** 2) / WALK**2
+    splines = [make_smoothing_spline(time, one, lam=k) for one, k in zip(measured.T, stiff, strict=True)]  # fmt: skip
+    return np.stack([one(time) for one in splines], axis=1)
 
 
 class CalibrationErrors(NamedTuple):
