@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.errors import PlantError
-from alloc.laws import PI
-from alloc.records import PlantRecord, quantity
+from alloc.laws import GRAVITY, PI, speed_law
+from alloc.rail import SPEED_LAWS
+from alloc.records import NOT_IN_FILES, PlantRecord, quantity
 
 Floats = NDArray[np.float64]
 InverterGroup = Literal["1C4M", "1C2M", "1C1M"]
@@ -36,103 +37,116 @@ MOST_AXLES = 2000
 
 
 @dataclass(frozen=True)
-class TorqueLimit(PlantRecord):
-    """Largest torque of a motor by rim speed: `peak` at the shaft, then constant `power`, then pull-out.
+class Motors(PlantRecord):
+    """Traction motors of a driven car: torque and power of one motor, or the car's tractive effort over the speed.
 
-    If `table` is given (torque every km/h from standstill) it replaces the formula.
+    The electric brake is as strong as the drive where nothing is said, and missing with a table of effort.
     """
 
-    peak: float = quantity(MISSING, "N m")
-    """Largest torque at the shaft."""
-    power: float = quantity(MISSING, "kW")
-    """Power of each motor."""
-    pull_out_speed: float = quantity(math.inf, "km/h", above=0.0, infinite=True)
-    """Speed from which the limit falls with the square of the speed."""
-    fade_speed: float = quantity(0.0, "km/h")
-    """Speed below which the limit fades to zero linearly (electric brakes); 0: no fading."""
-    table: tuple[float, ...] | None = quantity(None, "N m")
-    """Torque every `EFFORT_SPEED_STEP`."""
+    gear_ratio: float = quantity(MISSING, "1", above=0.0, most=100.0)
+    """Turns of the motor per turn of the wheel."""
+    inverter_group: InverterGroup = "1C4M"
+    """Motors per inverter: a traction unit is a car (1C4M), a bogie (1C2M) or an axle (1C1M)."""
+    torque: float | None = quantity(None, "N m")
+    """Greatest torque of a motor. Left out: a table of effort is given."""
+    power: float | None = quantity(None, "kW")
+    """Greatest power of a motor. Left out: a table of effort is given."""
+    effort_speed: tuple[float, ...] = quantity((), "km/h")
+    """Speeds of the table of tractive effort, growing from 0 or more. Left out: torque and power are given."""
+    effort: tuple[float, ...] = quantity((), "kN")
+    """Tractive effort of the car at the rims at each of these speeds. Left out: torque and power are given."""
+    brake_torque: float | None = quantity(None, "N m")
+    """Greatest braking torque of a motor. Left out: `torque`; with a table of effort there is no electric brake."""
+    brake_power: float | None = quantity(None, "kW")
+    """Greatest braking power of a motor. Left out: `power`; with a table of effort there is no electric brake."""
+    pull_out_speed: float | None = quantity(None, "km/h", above=0.0)
+    """Speed from which the torque falls with the square of the speed. Left out: it never does."""
+    fade_speed: float = quantity(5.0 / 3.6, "km/h")
+    """Speed below which the electric brake fades. Source: assumed."""
+    planned_adhesion: Literal["shinkansen", "curtius-kniffler"] | None = None
+    """Speed law of the coefficient for which drive and brake are planned: they ask no more of a wheel under the empty car.
+    Left out: torque and power alone decide."""
+    torque_lag: float = quantity(5e-3, "s", above=0.0)
+    """Time constant of the torque behind its command. Source: readhesion paper, section 2.2."""
+    kind: MotorKind = "torque"
+    """How the motors of an inverter divide its torque: torque, equally; induction, at one frequency, by their speeds. A
+    single motor has all of it."""
 
     def _faults(self) -> Iterator[str]:
-        if self.table == ():
-            yield "table is empty"
+        speeds, efforts = self.effort_speed, self.effort
+        if not speeds and not efforts:
+            if None in (self.torque, self.power):
+                yield "give torque and power, or effort_speed and effort"
+        elif any((self.torque, self.power, self.pull_out_speed, self.planned_adhesion)):
+            yield "effort takes the place of torque, power, pull_out_speed and planned_adhesion"
+        elif len(speeds) != len(efforts) or len(speeds) < 2:
+            yield f"{len(speeds)} effort_speed and {len(efforts)} effort; give as many, 2 or more"
+        elif any(b <= a for a, b in itertools.pairwise(speeds)):
+            yield "effort_speed must grow"
 
-    @property
-    def greatest(self) -> float:
-        """The largest torque at any speed [N m]."""
-        return self.peak if self.table is None else max(self.table)
+    def limits(self, radius: float, count: int, axle_mass: float) -> Floats:
+        """Largest torque of a motor [N m], pulling and braking, by `EFFORT_SPEED_STEP`, (2, EFFORT_TABLE_LENGTH).
 
-    def tabulate(self, radius: float, gear_ratio: float) -> Floats:
-        """Limit [N m] at multiples of `EFFORT_SPEED_STEP`, (EFFORT_TABLE_LENGTH,)."""
-        if self.table is not None:
-            values = np.array(self.table[:EFFORT_TABLE_LENGTH], dtype=float)
-            return np.pad(values, (0, EFFORT_TABLE_LENGTH - values.size), "edge")
-        speed = np.maximum(EFFORT_SPEED_STEP * np.arange(EFFORT_TABLE_LENGTH), 1e-3)
-        limit = np.minimum(self.peak, self.power * radius / (gear_ratio * speed))
-        return self._faded(limit * np.minimum(1.0, self.pull_out_speed / speed))
-
-    def within(self, most: Floats, radius: float, gear_ratio: float) -> "TorqueLimit":
-        """The same as a table that nowhere exceeds `most` [N m], given as by `tabulate`, but for the fading."""
-        bare = replace(self, fade_speed=0.0).tabulate(radius, gear_ratio)
-        return replace(self, table=tuple(self._faded(np.minimum(bare, most)).tolist()))
-
-    def _faded(self, limit: Floats) -> Floats:
+        On wheels of `radius` [m]; `count`: motors of the car; `axle_mass` [kg]: of the empty car on an axle.
+        """
         speed = EFFORT_SPEED_STEP * np.arange(EFFORT_TABLE_LENGTH)
-        return limit * np.minimum(1.0, speed / self.fade_speed) if self.fade_speed > 0.0 else limit
+        moving, per_force = np.maximum(speed, 1e-3), radius / self.gear_ratio
 
+        def made(torque: float, power: float) -> Floats:
+            return np.minimum(torque, power * per_force / moving)
 
-@dataclass(frozen=True)
-class Motors(PlantRecord):
-    """Traction motors of a driven car and the inverters that feed them."""
+        torque, power = self.torque or 0.0, self.power or 0.0
+        drive = made(torque, power) * np.minimum(1.0, (self.pull_out_speed or np.inf) / moving)
+        if self.effort:
+            drive = per_force / max(count, 1) * np.interp(speed, self.effort_speed, self.effort)
+        brake = made(
+            torque if self.brake_torque is None else self.brake_torque,
+            power if self.brake_power is None else self.brake_power,
+        )
+        if self.planned_adhesion:
+            coefficient = speed_law(speed, *SPEED_LAWS[self.planned_adhesion])
+            most = per_force * coefficient * axle_mass * GRAVITY
+            drive, brake = np.minimum(drive, most), np.minimum(brake, most)
+        if self.fade_speed > 0.0:
+            brake = brake * np.minimum(1.0, speed / self.fade_speed)
+        return np.stack([drive, brake])
 
-    group: InverterGroup
-    """Motors per inverter."""
-    gear_ratio: float = quantity(MISSING, "1", above=0.0)
-    """Turns of the motor per turn of the wheel."""
-    drive: TorqueLimit = MISSING  # type: ignore[assignment]
-    """Largest pulling torque."""
-    brake: TorqueLimit = MISSING  # type: ignore[assignment]
-    """Largest braking torque."""
-    torque_lag: float = quantity(5e-3, "s", above=0.0)
-    """Time constant of the torque. Source: readhesion paper, section 2.2."""
-    kind: MotorKind = "torque"
-    """How the motors of an inverter divide its torque."""
-
-    @property
-    def slip_torque(self) -> float:
+    def slip_torque(self, greatest: float) -> float:
         """Torque over the speed between motor and field [N m s/rad]: 2 M / s of the breakdown, by Kloss near synchronism.
 
-        0 where every motor has a torque control, or an inverter, of its own.
+        `greatest`: torque that is asked of it [N m]. 0 where every motor has a torque control, or an inverter, of its own.
         """
-        if self.group == "1C1M" or self.kind == "torque":
+        if self.inverter_group == "1C1M" or self.kind == "torque":
             return 0.0
-        return 2.0 * BREAKDOWN * max(self.drive.greatest, self.brake.greatest) / BREAKDOWN_SLIP
+        return 2.0 * BREAKDOWN * greatest / BREAKDOWN_SLIP
 
 
 @dataclass(frozen=True)
 class AirBrake(PlantRecord):
     """Friction brake of a car; one pair of valves per bogie.
 
-    Shoe force at the rim per axle = `force_per_pascal` x cylinder pressure x friction(V) x `friction_factor`, friction(V) =
-    numerator / (V + offset) + constant with V in km/h, relative to the force at constant friction.
+    Shoe force at the rim per axle = `force` x cylinder pressure / `pressure` x friction(V) x `friction_factor`, friction(V)
+    = numerator / (V + offset) + constant with V in km/h, relative to the force at constant friction.
     """
 
-    maximum_pressure: float = quantity(MISSING, "kPa", above=0.0)
+    pressure: float = quantity(MISSING, "kPa", above=0.0)
     """Largest pressure of the cylinders."""
-    force_per_pascal: float = quantity(MISSING, "N/Pa")
-    """Shoe force at the rim of an axle over the pressure."""
-    fill_time: float = quantity(MISSING, "s", above=0.0)
-    """Time constant of filling."""
-    release_time: float = quantity(MISSING, "s", above=0.0)
-    """Time constant of releasing."""
+    force: float = quantity(MISSING, "kN")
+    """Shoe force of one axle at the rim, at that pressure."""
+    lag: float = quantity(1.2, "s", above=0.0)
+    """Time constant of filling and of releasing the cylinders. Source: assumed."""
+    release_lag: float | None = quantity(None, "s", above=0.0)
+    """Time constant of releasing the cylinders. Left out: `lag`."""
     dead_time: float = quantity(0.05, "s")
     """Time between a command and the valve's response."""
+    pipe_wave: float | None = quantity(None, "m/s", above=0.0)
+    """Speed at which the command runs along the brake pipe from the train's head. Left out: it is everywhere at once."""
     friction: tuple[float, float, float] = quantity((0.0, 1.0, 1.0), "1")
-    """Numerator, offset and constant of the friction over the speed."""
-    cut_out: tuple[int, ...] = ()
+    """Friction over the speed, a, b and c of a / (V + b) + c with V in km/h, relative to that with which `force` holds."""
+    cut_out: tuple[int, ...] = field(default=(), metadata=NOT_IN_FILES)
     """Bogies of the car, 0 = foremost, whose brake is isolated: their cylinders fill, but no shoe acts. The train's
     computers have no information on it."""
-    friction_factor: float = quantity(1.0, "1", above=0.0)
+    friction_factor: float = field(default=1.0, metadata=NOT_IN_FILES)
     """Shoe friction over that of the design. The train's computers have no information on it."""
 
     def _faults(self) -> Iterator[str]:
@@ -140,29 +154,30 @@ class AirBrake(PlantRecord):
             yield f"friction = {self.friction} must be three numbers, the offset > 0"
         if not all(isinstance(bogie, int) and bogie >= 0 for bogie in self.cut_out):
             yield f"cut_out = {self.cut_out} must be numbers of bogies, 0 = foremost"
+        if not self.friction_factor > 0.0:
+            yield f"friction_factor = {self.friction_factor} must exceed 0"
 
 
 @dataclass(frozen=True)
 class Car(PlantRecord):
     """One car: masses, wheelsets, motors and brakes."""
 
-    name: str
     length: float = quantity(MISSING, "m", above=0.0)
     """Length over couplers."""
-    empty_mass: float = quantity(MISSING, "t", above=0.0)
+    mass: float = quantity(MISSING, "t", above=0.0)
     """Empty mass."""
-    load: float = quantity(MISSING, "t")
-    """Pay load. JP5484215 calls empty mass and load per axle W0, dW."""
     axle_positions: tuple[float, ...] = quantity(MISSING, "m")
     """Positions of the axles from the car's front end."""
     bogie_of_axle: tuple[int, ...] = quantity(MISSING, "1")
     """Number of each axle's bogie, 0, 1, ... from the front."""
-    wheel_radius: float = quantity(MISSING, "m", above=0.0)
+    wheel_radius: float = quantity(MISSING, "m", least=0.1, most=2.0)
     """Radius of the wheels."""
-    wheel_inertia: tuple[float, ...] = quantity(MISSING, "kg m2", above=0.0)
-    """Inertia of each wheelset with everything geared to it, at the wheel."""
-    driven: tuple[bool, ...] = ()
-    """Whether each axle has a motor."""
+    wheel_inertia: float = quantity(MISSING, "kg m2", above=0.0)
+    """Inertia of a wheelset at the wheel, with everything geared to it."""
+    load: float = quantity(0.0, "t")
+    """Pay load. JP5484215 calls empty mass and load per axle W0, dW."""
+    driven: tuple[bool, ...] | None = None
+    """Whether each axle has a motor. Left out: every axle, if there are motors."""
     motors: Motors | None = None
     """Traction motors. Left out: none."""
     air_brake: AirBrake | None = None
@@ -176,6 +191,8 @@ class Car(PlantRecord):
     axle_load_share: tuple[float, ...] | None = quantity(None, "1", above=0.0)
     """Share of the car's weight on each axle. If the sum is below 1, axles that are not modelled carry the rest (a single
     axle with its part of a train). Left out: equal shares."""
+    name: str = field(default="", metadata=NOT_IN_FILES)
+    """How messages call it."""
 
     @property
     def owner(self) -> str:
@@ -186,18 +203,18 @@ class Car(PlantRecord):
         n, positions, bogies = len(self.axle_positions), self.axle_positions, self.bogie_of_axle
         if n == 0:
             yield "has no axles; give axle_positions"
-        for name in ("bogie_of_axle", "wheel_inertia", "driven"):
-            if len(getattr(self, name)) != n:
-                yield f"{name} has {len(getattr(self, name))} entries for {n} axles"
+        for name, given in (("bogie_of_axle", bogies), ("driven", self.powered)):
+            if len(given) != n:
+                yield f"{name} has {len(given)} entries for {n} axles"
         if any(b <= a for a, b in itertools.pairwise(positions)):
             yield f"axle_positions = {positions} must grow from the front"
         if positions[-1] > self.length:
             yield f"axle_positions = {positions} leave the car's {self.length} m"
         if bogies[0] != 0 or any(b - a not in (0, 1) for a, b in itertools.pairwise(bogies)):
             yield f"bogie_of_axle = {bogies} must count 0, 1, ... from the front"
-        if any(self.driven) and self.motors is None:
+        if any(self.powered) and self.motors is None:
             yield "has driven axles but no motors"
-        if any(self.driven) and not self.speed_sensors:
+        if any(self.powered) and not self.speed_sensors:
             yield "has driven axles but no speed_sensors; motors need them"
         cut_out = () if self.air_brake is None else self.air_brake.cut_out
         if any(bogie > bogies[-1] for bogie in cut_out):
@@ -207,9 +224,14 @@ class Car(PlantRecord):
             yield f"axle_load_share = {share} must be {n} values > 0 with a sum of 1 at most"
 
     @property
-    def mass(self) -> float:
+    def loaded_mass(self) -> float:
         """Mass with load [kg]."""
-        return self.empty_mass + self.load
+        return self.mass + self.load
+
+    @property
+    def powered(self) -> tuple[bool, ...]:
+        """Whether each axle has a motor."""
+        return self.driven or (self.motors is not None,) * len(self.axle_positions)
 
     @property
     def shares(self) -> Floats:
@@ -226,10 +248,10 @@ class Car(PlantRecord):
         """Axles of each traction unit of this car (indices from the car's front)."""
         if self.motors is None:
             return []
-        count = len(self.driven)
+        count = len(self.powered)
         part = {"1C4M": [0] * count, "1C2M": self.bogie_of_axle, "1C1M": range(count)}
-        axles = [i for i, has_motor in enumerate(self.driven) if has_motor]
-        groups = itertools.groupby(axles, key=part[self.motors.group].__getitem__)
+        axles = [i for i, has_motor in enumerate(self.powered) if has_motor]
+        groups = itertools.groupby(axles, key=part[self.motors.inverter_group].__getitem__)
         return [list(members) for _, members in groups]
 
     def unloading(self) -> Floats:
@@ -241,7 +263,7 @@ class Car(PlantRecord):
         bogie carries the whole moment there. The moment of coupler forces is neglected.
         """
         positions, bogies = np.array(self.axle_positions), np.array(self.bogie_of_axle)
-        acting = np.array(self.driven) if any(self.driven) else np.ones(positions.size, dtype=bool)
+        acting = np.array(self.powered if any(self.powered) else [True] * positions.size)
         members = [np.flatnonzero(bogies == b) for b in np.unique(bogies)]
         centres = np.array([positions[inside].mean() for inside in members])
         factors, body_moment = np.zeros(positions.size), self.centre_of_mass_height
@@ -268,8 +290,7 @@ class Car(PlantRecord):
             air_brake=brake,
             axle_positions=tuple(self.length - p for p in reversed(self.axle_positions)),
             bogie_of_axle=tuple(last - b for b in reversed(self.bogie_of_axle)),
-            wheel_inertia=self.wheel_inertia[::-1],
-            driven=self.driven[::-1],
+            driven=self.powered[::-1],
             axle_load_share=None if share is None else share[::-1],
         )
 
@@ -334,7 +355,7 @@ class Train(PlantRecord):
     @property
     def mass(self) -> float:
         """Mass with load [kg]."""
-        return sum(car.mass for car in self.cars)
+        return sum(car.loaded_mass for car in self.cars)
 
     @property
     def length(self) -> float:
@@ -349,7 +370,10 @@ class Train(PlantRecord):
     @property
     def rotating_mass(self) -> float:
         """Mass [kg] that the inertia of the wheelsets adds to a train that rolls without slip."""
-        return sum(sum(car.wheel_inertia) / car.wheel_radius**2 for car in self.cars)
+        each = (
+            len(car.axle_positions) * car.wheel_inertia / car.wheel_radius**2 for car in self.cars
+        )
+        return sum(each)
 
     def reversed(self) -> "Train":
         """The same train running in the other direction: rearmost car first, each car reversed."""

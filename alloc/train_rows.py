@@ -48,7 +48,7 @@ def train_rows(
     whether a target holds the torque that turns the wheelsets, JP5484215 (6). `blended`: whether every car brakes itself.
     """
     axles, cars, units, brakes, effort, retard = (table.copy() for table in _truth(train))
-    empty, pay = np.array([(car.empty_mass, car.load) for car in train.cars]).T
+    empty, pay = np.array([(car.mass, car.load) for car in train.cars]).T
     mass = empty + np.maximum(pay if loads is None else loads, 0.0)
     load = axles.static_load * (mass / cars.mass)[axles.car]
     axles.believed_radius = axles.radius * (1.0 + np.asarray(radius_errors))
@@ -139,7 +139,7 @@ def _truth(train: Train) -> tuple[Any, ...]:
 
     length, mass, radius, sensors = (
         np.array([getattr(one, name) for one in all_cars])
-        for name in ("length", "mass", "wheel_radius", "speed_sensors")
+        for name in ("length", "loaded_mass", "wheel_radius", "speed_sensors")
     )
     front = np.append(0.0, np.cumsum(length)[:-1])
     cars = CAR.rows(
@@ -160,8 +160,8 @@ def _truth(train: Train) -> tuple[Any, ...]:
         body=car * coupled,
         offset=-(front[car] + of_axles(lambda one: one.axle_positions)),
         radius=radius[car],
-        inertia=of_axles(lambda one: one.wheel_inertia),
-        static_load=of_axles(lambda one: one.mass * GRAVITY * one.shares),
+        inertia=of_axles(lambda one: [one.wheel_inertia] * len(one.axle_positions)),
+        static_load=of_axles(lambda one: one.loaded_mass * GRAVITY * one.shares),
         unloading=of_axles(Car.unloading) * train.load_transfer,
         sensed=sensors[car],
     )
@@ -171,13 +171,14 @@ def _truth(train: Train) -> tuple[Any, ...]:
     units, limits = UNIT.rows(len(parts)), np.zeros((2, len(parts), EFFORT_TABLE_LENGTH))
     for j, (one, inside) in enumerate(parts):
         motors: Any = one.motors
-        units[j].lag, units[j].slip_torque = motors.torque_lag, motors.slip_torque
+        axle_mass = one.mass / len(one.axle_positions)
+        limits[:, j] = motors.limits(one.wheel_radius, sum(one.powered), axle_mass)
+        greatest = limits[:, j].max()
+        units[j].lag, units[j].slip_torque = motors.torque_lag, motors.slip_torque(greatest)
         units[j].axles = units[j].seen = inside.size
         units[j].first, units[j].last = inside[0], inside[-1] + 1
         units[j].gear, units[j].true_radius = motors.gear_ratio, one.wheel_radius
         axles.gear[inside], axles.unit[inside] = motors.gear_ratio, j
-        for table, most in zip(limits, (motors.drive, motors.brake), strict=True):
-            table[j] = most.tabulate(one.wheel_radius, motors.gear_ratio)
     groups: list[tuple[Any, int, NDArray[np.int64]]] = [
         (one, bogie, k + np.flatnonzero(np.equal(one.bogie_of_axle, bogie)))
         for one, k in placed
@@ -186,10 +187,11 @@ def _truth(train: Train) -> tuple[Any, ...]:
     brakes = BRAKE.rows(len(groups))
     for g, (one, bogie, inside) in enumerate(groups):
         row, brake = brakes[g], one.air_brake
-        put(row, brake)
         row.unit, row.axles = axles.unit[inside].max(), inside.size
-        row.most_pressure, row.gain = brake.maximum_pressure, brake.force_per_pascal
+        row.fill_time, row.release_time = brake.lag, brake.release_lag or brake.lag
+        row.dead_time = brake.dead_time + front[car[inside[0]]] / (brake.pipe_wave or np.inf)
+        row.most_pressure, row.gain = brake.pressure, brake.force / brake.pressure
         row.friction_numerator, row.friction_offset, row.friction_constant = brake.friction
         works = brake.friction_factor * (bogie not in brake.cut_out)
-        axles.brake[inside], axles.shoe_gain[inside] = g, brake.force_per_pascal * works
+        axles.brake[inside], axles.shoe_gain[inside] = g, row.gain * works
     return axles, cars, units, brakes, *limits

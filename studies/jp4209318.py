@@ -132,9 +132,9 @@ def train(cars: int = 3, shoe_force_share: float = CALIBRATED.shoe_force_share) 
     whole = find_set("jp4209318-3car")
     car, brake = whole.cars[0], whole.cars[0].air_brake
     assert brake is not None
-    axle_mass = car.mass / len(car.axle_positions)
-    force = shoe_force_share * axle_mass * GRAVITY / brake.maximum_pressure
-    car = replace(car, air_brake=replace(brake, force_per_pascal=force))
+    axle_mass = car.loaded_mass / len(car.axle_positions)
+    force = shoe_force_share * axle_mass * GRAVITY
+    car = replace(car, air_brake=replace(brake, force=force))
     return replace(whole, name=f"jp4209318-{cars}car", cars=(car,) * cars)
 
 
@@ -178,7 +178,7 @@ def laws(found: xr.Dataset, braked: Train) -> dict[str, float]:
     """
     car = braked.cars[0]
     time, v = found["time"].values, found["speed"].values
-    m, j, r = braked.mass, car.wheel_inertia[0], car.wheel_radius
+    m, j, r = braked.mass, car.wheel_inertia, car.wheel_radius
     omega = found["rim_speed"].values / r
     shoe, rail = found["brake_force"].values, -found["rail_force"].values
 

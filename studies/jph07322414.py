@@ -121,7 +121,7 @@ class LineMemory:
 
     def __init__(self, of: Route, by_car: bool = False) -> None:
         self.line, self.changes, self.length = of.line, of.changes, of.train.length
-        cars = [(car.length, car.mass) for car in of.train.cars]
+        cars = [(car.length, car.loaded_mass) for car in of.train.cars]
         lengths, masses = np.array(cars if by_car else [(self.length, of.train.mass)]).T
         self.points = 0.5 * lengths - np.cumsum(lengths)
         # air resistance counts by length, gradients by mass

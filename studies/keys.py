@@ -14,7 +14,7 @@ from dataclasses import MISSING, fields, is_dataclass
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
+from typing import Annotated, Any, ClassVar, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, field_validator
 
@@ -123,7 +123,14 @@ def keys_of(record: Any, *names: str) -> Any:
         if inner:
             table: Any = keys_of(inner, *filter(None, (one.partition(".")[2] for one in own)))
             several: Any = Annotated[tuple.__class_getitem__((table, ...)), Field(max_length=1000)]
-            found[item.name] = (table, table()) if inner is item.type else (several, ())
+            optional = item.type == inner | None
+            found[item.name] = (
+                (table | None, None)
+                if optional
+                else (table, table())
+                if inner is item.type
+                else (several, ())
+            )
             continue
         stated: Any = item.type
         of_file = next(one for one in UNITS if one.symbol == (unit or "1"))
@@ -142,8 +149,8 @@ def keys_of(record: Any, *names: str) -> Any:
 
 
 def _record_in(kind: Any) -> Any:
-    """The dataclass that a field holds, one or several of; None if it holds none."""
-    found = get_args(kind)[0] if get_origin(kind) is tuple else kind
+    """The dataclass that a field holds, one, several or none of; None if it holds none."""
+    found = get_args(kind)[0] if get_args(kind) else kind
     return found if is_dataclass(found) else None
 
 

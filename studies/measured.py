@@ -36,7 +36,7 @@ MEASURED = {
     "stop: speed at the station [mph]": 50.0, "stop: time [s]": 390.0,
 }  # fmt: skip
 WHOLE = find_set("gb-unit-8car")
-CARS = (replace(WHOLE.cars[0], empty_mass=45144.0),) * 2
+CARS = (replace(WHOLE.cars[0], mass=45144.0),) * 2
 TRAIN = replace(WHOLE, cars=CARS, resistance=(1250.0, 37.5, 3.5))  # masses of the slide's cars
 
 

@@ -194,8 +194,8 @@ def event(seed: int, k: int) -> Scenario:
     loads = [0.0 if one == "L" else load for one, load in
              zip(train_keys["formation"], e.loads(d, len(train.cars)), strict=True)]  # fmt: skip
     # the plan of a stop is every axle's, that of a start the driven ones'
-    driven = sum(sum(car.driven) for car in train.cars)
-    on_driven = sum(car.mass * sum(car.driven) / len(car.driven) for car in train.cars)
+    driven = sum(sum(car.powered) for car in train.cars)
+    on_driven = sum(car.loaded_mass * sum(car.powered) / len(car.powered) for car in train.cars)
     needs = abs(asked) / GRAVITY * (1.0 if stop else 1.08 * (train.mass / on_driven))
     meets = max(e.START_SPEED, speed)
     rail = e.offering({"kind": d["curve"]} | d["shape"], d["offered"] * needs, train, meets)

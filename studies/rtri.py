@@ -52,7 +52,7 @@ SHOE_SCATTER = 0.05
 """Relative standard deviation of shoe friction between cars. Assumed; the report speaks of scatter (3.2.2)."""
 BRAKE = find_set("freight-5").cars[-1].air_brake
 assert BRAKE is not None
-STEP, EMERGENCY, FRICTION = 350e3, BRAKE.maximum_pressure, BRAKE.friction
+STEP, EMERGENCY, FRICTION = 350e3, BRAKE.pressure, BRAKE.friction
 """Pressures of the cylinders in the third service step and in emergency [Pa]; law of the shoes' friction. Assumed."""
 RECORD, PERIOD, CUT_OFF = 0.01, 0.02, 15.0
 """Periods of the record and of the samples [s]; anti-aliasing filter of fourth order, alike on all channels [Hz]."""
@@ -158,7 +158,9 @@ def record(test: RunningTest, train: Train, day: int | None) -> Measured:
         return np.asarray(sosfilt(sections, values, axis=0, zi=start)[0][::every])
 
     foremost = np.cumsum([0, *(car.brake_groups for car in train.cars[:-1])])
-    inertia, radius = np.array([[sum(car.wheel_inertia), car.wheel_radius] for car in train.cars]).T
+    inertia, radius = np.array(
+        [[len(car.axle_positions) * car.wheel_inertia, car.wheel_radius] for car in train.cars]
+    ).T
     of_car = run["axle_car"].values[:, None] == np.arange(run.sizes["car"])
     turning = inertia / radius**2 * run["car_acceleration"].values
     truth, bare = -run["rail_force"].values @ of_car - turning, run["car_mass"].values
@@ -188,7 +190,9 @@ def record(test: RunningTest, train: Train, day: int | None) -> Measured:
 
 CYLINDERS, EFFICIENCY, PISTON_AREA, STANDSTILL_FRICTION = 2, 0.9, math.pi / 4.0 * 0.254**2, 0.25
 """Of a wagon: a cylinder of 10 inches per bogie, since bogies are cut out one by one. All assumed."""
-LEVERS = 4 * BRAKE.force_per_pascal / (CYLINDERS * EFFICIENCY * PISTON_AREA * STANDSTILL_FRICTION)
+LEVERS = (
+    4 * BRAKE.force / BRAKE.pressure / (CYLINDERS * EFFICIENCY * PISTON_AREA * STANDSTILL_FRICTION)
+)
 """5.0; it follows from the force of the four axles."""
 RIGGING = BrakeRigging(CYLINDERS, LEVERS, EFFICIENCY, PISTON_AREA)
 

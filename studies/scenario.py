@@ -401,7 +401,7 @@ class Scenario(Keys):
             with in_words_of(self, "load_t"):
                 train = train.loaded(tuple(1e3 * load for load in self.load_t))
         changes = self.motors.si() if self.motors else {}
-        changes |= {"group": self.inverter_group} if self.inverter_group else {}
+        changes |= {"inverter_group": self.inverter_group} if self.inverter_group else {}
         if changes or self.load_transfer:
             cars = [(one, one.motors and replace(one.motors, **changes)) for one in train.cars]
             changed = tuple(replace(one, motors=motors) for one, motors in cars)

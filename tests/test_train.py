@@ -13,22 +13,21 @@ from alloc.laws import GRAVITY
 from alloc.onboard.settings import Dropout, Onboard, Sensors
 from alloc.rail import Line, Patch, Rail
 from alloc.records import Record, meanings
-from alloc.sets import SETS, _motors, find_set
-from alloc.train import AirBrake, Car, Coupler, Motors, TorqueLimit, Train
+from alloc.sets import SETS, find_set
+from alloc.train import AirBrake, Car, Coupler, Motors, Train
 from alloc.train_rows import level_for, offered_by, rows_of, train_rows
 from tests.cases import looped
 
-LIMIT = TorqueLimit(1000.0, 200e3)
-MOTORS = Motors("1C2M", 6.0, LIMIT, replace(LIMIT, peak=800.0, fade_speed=3.0), kind="induction")
-BRAKE = AirBrake(4e5, 0.05, 0.4, 0.6, friction=(37.5, 75.0, 0.5), cut_out=(1,), friction_factor=0.8)
+MOTORS = Motors(6.0, "1C2M", 1000.0, 200e3, brake_torque=800.0, fade_speed=3.0, kind="induction")
+BRAKE = AirBrake(4e5, 2e4, 0.4, 0.6, friction=(37.5, 75.0, 0.5), cut_out=(1,), friction_factor=0.8)
 CAR_A = Car(
-    name="A", length=20.0, empty_mass=3e4, load=5e3, axle_positions=(2.0, 4.5, 15.0, 17.0),
-    bogie_of_axle=(0, 0, 1, 1), wheel_radius=0.4, wheel_inertia=(90.0, 100.0, 110.0, 60.0),
+    name="A", length=20.0, mass=3e4, load=5e3, axle_positions=(2.0, 4.5, 15.0, 17.0),
+    bogie_of_axle=(0, 0, 1, 1), wheel_radius=0.4, wheel_inertia=90.0,
     driven=(True, True, True, False), motors=MOTORS, air_brake=BRAKE, axle_load_share=(0.2, 0.3, 0.3, 0.2),
 )  # fmt: skip
 CAR_B = replace(
     CAR_A, name="B", length=12.0, load=0.0, axle_positions=(3.0, 9.0), bogie_of_axle=(0, 1), wheel_radius=0.45,
-    wheel_inertia=(50.0, 55.0), driven=(False, False), motors=None, axle_load_share=None,
+    wheel_inertia=50.0, driven=(False, False), motors=None, axle_load_share=None,
 )  # fmt: skip
 COUPLERS = (Coupler(1e7, 2.0, 3.0, 0.01), Coupler(2e7, 4.0, 5.0, 0.02))
 UNEQUAL = Train("unequal", (CAR_A, CAR_B, CAR_A), (900.0, 80.0, 7.0), COUPLERS, load_transfer=True)
@@ -41,9 +40,9 @@ def test_rows_are_the_sums_of_the_cars(train):
     rows, weight = rows_of(train), 0.0
     for c, car in enumerate(train.cars):
         mine = rows.axles[rows.axles.car == c]
-        weight = (car.empty_mass + car.load) * 9.80665 * sum(car.axle_load_share or (1.0,))
+        weight = (car.mass + car.load) * 9.80665 * sum(car.axle_load_share or (1.0,))
         assert mine.static_load.sum() == pytest.approx(weight)
-        assert (mine.gear > 0.0).tolist() == (mine.unit >= 0).tolist() == list(car.driven)
+        assert (mine.gear > 0.0).tolist() == (mine.unit >= 0).tolist() == list(car.powered)
         behind = sum(one.length for one in train.cars[:c])
         assert mine.offset == pytest.approx([-behind - place for place in car.axle_positions])
     names = "resistance", "resistance_linear", "resistance_quadratic"
@@ -129,16 +128,22 @@ def test_a_load_rests_on_its_car_and_is_believed_as_measured(train):
 
 
 def test_torque_limits_follow_torque_power_pull_out_and_fading():
-    limit, radius, gear = TorqueLimit(900.0, 150e3, 20.0, 2.0), 0.43, 7.0
-    for k, value in enumerate(limit.tabulate(radius, gear)[1:], 1):
+    radius, gear, motors = 0.43, 7.0, Motors(7.0, torque=900.0, power=150e3, brake_power=90e3)
+    motors = replace(motors, pull_out_speed=20.0, fade_speed=2.0)
+    for k, (drive, brake) in enumerate(motors.limits(radius, 4, 1e4).T[1:], 1):
         speed = k / 3.6
-        by_power = 150e3 / (gear * speed / radius)
-        hand = min(900.0, by_power) * min(1.0, 20.0 / speed) * min(1.0, speed / 2.0)
-        assert value == pytest.approx(hand)
-    keys = {"inverter_group": "1C4M", "gear_ratio": gear, "fade_speed_kmh": 0.0,
-            "effort_speed_kmh": [0.0, 50.0, 100.0], "effort_kn": [10.0, 8.0, 4.0]}  # fmt: skip
-    table = _motors(keys, radius, 4, 1e4).drive.tabulate(radius, gear)
-    assert table[[0, 25, 75, 400]] * 4 * gear / radius == pytest.approx([1e4, 9e3, 6e3, 4e3])
+        per_power = radius / (gear * speed)
+        assert drive == pytest.approx(min(900.0, 150e3 * per_power) * min(1.0, 20.0 / speed))
+        assert brake == pytest.approx(min(900.0, 90e3 * per_power) * min(1.0, speed / 2.0))
+    table = Motors(gear, effort_speed=(0.0, 50.0 / 3.6, 100.0 / 3.6), effort=(1e4, 8e3, 4e3))
+    drive, brake = table.limits(radius, 4, 1e4)
+    assert drive[[0, 25, 75, 400]] * 4 * gear / radius == pytest.approx([1e4, 9e3, 6e3, 4e3])
+    assert not brake.any()
+    planned = replace(motors, torque=1e6, power=1e9, planned_adhesion="shinkansen")
+    most = radius / gear * 13.6 / (np.array([0, 100, 300]) + 85.0) * 1e4 * GRAVITY
+    assert replace(planned, pull_out_speed=None).limits(radius, 4, 1e4)[
+        0, [0, 100, 300]
+    ] == pytest.approx(most)
 
 
 def test_what_the_computers_cannot_know_is_in_other_columns():
@@ -225,7 +230,7 @@ def test_every_number_has_a_meaning(record):
         (CAR_A, {"speed_sensors": False}, "speed_sensors"),
         (CAR_A, {"axle_load_share": (0.5, 0.5, 0.5, 0.5)}, "axle_load_share"),
         (BRAKE, {"friction": (1.0, 0.0, 1.0)}, "friction"),
-        (MOTORS, {"group": "2C2M"}, "group"),
+        (MOTORS, {"inverter_group": "2C2M"}, "inverter_group"),
         (MOTORS, {"kind": "series"}, "kind"),
         (UNEQUAL, {"couplers": COUPLERS[:1]}, "couplers"),
         (UNEQUAL, {"cars": ()}, "cars"),

@@ -150,11 +150,9 @@ def smooth_brake_forces(
     measured = car_brake_forces(own, coupler_force, m, resistance)
     if len(own) < 5:
         raise EstimationError(f"smoother: {len(own)} samples are too few; give 5 or more")
-    time, ends = (
-        period * np.arange(len(own)),
-        np.where(np.arange(m.size) % max(m.size - 1, 1), 2, 1),
-    )
-    stiff = (acceleration_noise**2 + ends * (coupler_noise / m) ** 2) / WALK**2
+    time, car = period * np.arange(len(own)), np.arange(m.size)
+    couplers = 2 - (car == 0) - (car == m.size - 1)
+    stiff = (acceleration_noise**2 + couplers * (coupler_noise / m) ** 2) / WALK**2
     splines = [make_smoothing_spline(time, one, lam=k) for one, k in zip(measured.T, stiff, strict=True)]  # fmt: skip
     return np.stack([one(time) for one in splines], axis=1)
 

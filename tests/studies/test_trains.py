@@ -37,7 +37,7 @@ def test_the_train_is_as_its_file_says():
     assert train.planned_acceleration == 4.0 / 3.6
     assert train.resistance == (900.0, 60.0, 4.0)
     motors = train.cars[0].motors
-    assert (motors.group, motors.drive.peak, motors.brake.power) == ("1C2M", 750.0, 90e3)
+    assert (motors.inverter_group, motors.torque, motors.power) == ("1C2M", 750.0, 90e3)
     assert train.cars[1].motors is None
 
 
@@ -83,8 +83,8 @@ def test_an_edited_train_makes_another_scenario_and_one_that_was_read_keeps_its_
     ('name = "tram"', 'name = "../tram"', "key 'name' = '../tram'"),
     ("[4.1, 5.9]", "[5.9, 4.1]", "car.M: axle_positions_m = [5.9, 4.1] must grow from the front"),
     ("[0, 0]", "[0]", "car.M: bogie_of_axle has 1 entries for 2 axles"),
-    ("power_kw = 90.0", "effort_kn = [9.0]", "key 'car.M.motors': effort_kn takes the place of torque_nm"),
-    ("torque_nm = 750.0, ", "", "key 'car.M.motors': give torque_nm and power_kw, or effort_speed_kmh"),
+    ("power_kw = 90.0", "effort_kn = [9.0]", "car.M: effort takes the place of torque, power"),
+    ("torque_nm = 750.0, ", "", "car.M: give torque and power, or effort_speed and effort"),
     ("wheel_radius_m = 0.31", "wheel_radius_m = 310.0", "key 'car.M.wheel_radius_m' = 310.0"),
 ])  # fmt: skip
 def test_what_cannot_be_names_both_files_and_the_key(folder, old, new, words):
