@@ -5,8 +5,6 @@ check_curve(my_curve)
 check_part("perturb-observe")    # a rule, a controller or a curve by its name
 """
 
-import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import lru_cache
@@ -20,34 +18,9 @@ from alloc.event import DriverCommand, Event
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.rail import Patch, Rail
 from alloc.rules import RULES
-from alloc.rules.testing import BrokenLaw, check_rule
+from alloc.rules.testing import Law, check, check_rule
 from alloc.sets import find_set
 from alloc.simulation import simulate
-
-
-class Law(NamedTuple):
-    """What parts of a kind keep: by how much one breaks it in each of some cases, and how much is `allowed`."""
-
-    name: str
-    meaning: str
-    amount: Callable[[Any, Any], float]
-    cases: Sequence[Any]
-    allowed: float = 0.0
-
-
-def _check(part: Any, name: str, laws: Sequence[Law], tolerance: float) -> dict[str, float]:
-    worst: dict[str, float] = {}
-    for law, case in [(one, case) for one in laws for case in one.cases]:
-        try:
-            amount, fault = law.amount(part, case), ""
-        except Exception as error:
-            amount, fault = math.inf, f", {type(error).__name__}: {error}"
-        worst[law.name] = max(worst.get(law.name, 0.0), amount)
-        if not amount <= max(tolerance, law.allowed):
-            told = f"{name} breaks the law {law.name!r} ({law.meaning}) by {amount:.2g}{fault}"
-            raise BrokenLaw(f"{told}; counterexample: {case!r}")
-    return worst
-
 
 # Controllers; amounts are shares of the greatest target
 
@@ -113,7 +86,7 @@ CONTROLLER_LAWS = (
 
 def check_controller(controller: Controller, tolerance: float = 1e-6) -> dict[str, float]:
     """Worst amount of every law of controllers; raises `BrokenLaw` for one that is broken by over `tolerance`."""
-    return _check(controller, controller.name, CONTROLLER_LAWS, tolerance)
+    return check(controller, controller.name, CONTROLLER_LAWS, tolerance)
 
 
 # Curves; amounts are shares of the greatest coefficient
@@ -157,14 +130,14 @@ CURVE_LAWS = (
 def check_curve(curve: Any, tolerance: float = 1e-6) -> dict[str, float]:
     """As `check_controller`, of an adhesion curve; of a class by its defaults."""
     curve = curve() if isinstance(curve, type) else curve
-    return _check(curve, type(curve).__name__, CURVE_LAWS, tolerance)
+    return check(curve, type(curve).__name__, CURVE_LAWS, tolerance)
 
 
 def check_part(name: str, tolerance: float = 1e-6) -> dict[str, float]:
     """Check the rule, controller or curve of this name; raises `InputError` where there is none."""
     kinds: Any = (RULES, check_rule), (CONTROLLERS, check_controller), (CURVES, check_curve)
-    for parts, check in kinds:
+    for parts, kept_by in kinds:
         if name in parts:
-            return dict(check(parts[name], tolerance))
+            return dict(kept_by(parts[name], tolerance))
     near = get_close_matches(name, [*RULES, *CONTROLLERS, *CURVES], 1, 0.0)[0]
     raise InputError(f"no rule, controller or curve is called {name!r}; did you mean {near!r}?")

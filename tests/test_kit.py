@@ -11,7 +11,8 @@ from alloc.curves import CURVES, PiecewiseCurve
 from alloc.errors import InputError
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.parts import control
-from alloc.testing import BrokenLaw, check_controller, check_curve, check_part
+from alloc.rules.testing import BrokenLaw
+from alloc.testing import check_controller, check_curve, check_part
 from tests.cases import looped
 
 

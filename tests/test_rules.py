@@ -270,7 +270,7 @@ def test_own_law_compiled_in_ten_lines():
 
 def test_the_kit_finds_a_small_counterexample():
     to_the_cap = Rule("to-the-cap", "", answer=lambda problem: problem.cap, promise="effort")
-    with pytest.raises(BrokenLaw, match=r"'effort'.*cap=\[0.171020\d*\], expected=0.1708"):
+    with pytest.raises(BrokenLaw, match=r"'effort'.*cap=\[0.\d+\], expected=0.1708"):
         check_rule(to_the_cap, examples=20)
 
 
