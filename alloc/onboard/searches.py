@@ -5,6 +5,7 @@ the inner loop (`hold_slip`), and all but one the interval over which they compa
 """
 
 import math
+from dataclasses import replace
 
 from alloc.backends import compiled as law
 from alloc.columns import NAN, ONE
@@ -44,14 +45,14 @@ def clip(value, low, high):
 # Creep control
 
 
+def tuned(columns: dict[str, Column], **values: float) -> dict[str, Column]:
+    """The same columns with other values."""
+    return columns | {key: replace(columns[key], default=one) for key, one in values.items()}
+
+
 GAINS = {
     "proportional": Column(0.35, "s m-1", "coefficient over the error of slip", source=TUNED),
-    "integral": Column(
-        4.0,
-        "m-1",
-        "rate of the coefficient over the error of slip",
-        source=TUNED,
-    ),
+    "integral": Column(4.0, "m-1", "rate of the coefficient over that error", source=TUNED),
     "margin": Column(3.0, ONE, "least slip held over the noise of a speed reading", source=TUNED),
 }
 HELD = {
@@ -95,14 +96,10 @@ def pi_creep(unit, axles, memory, run):
 
 FUZZY_CREEP = Table(
     "fuzzy-creep",
-    reference=Column(
-        0.24, "m s-1", "slip at which its middle set peaks, and which is held", source=TUNED
-    ),
+    reference=Column(0.24, "m s-1", "slip held, where its middle set peaks", source=TUNED),
     large=Column(0.3, "m s-1", "slip at which its highest set peaks", source=ASSUMED),
     rate=Column(1.5, "m s-2", "slip rates at which the outer sets peak, either way", source=TUNED),
-    change=Column(
-        0.7, "s-1", "greatest rate of the coefficient that is allowed", source="as pi-creep"
-    ),
+    change=Column(0.7, "s-1", "greatest rate of `allowed`", source="as pi-creep"),
     pole=Column(48.0, "s-1", "pole of the differentiator of slip", source=TUNED),
     allowed=HELD["allowed"],
     filtered=Column(NAN, "m s-1", "slip behind the differentiator's filter"),
@@ -211,7 +208,7 @@ def perturb_observe(unit, axles, memory, run):
 
 STEEPEST = Table(
     "steepest-gradient",
-    **SEARCH | {"interval": Column(0.3, "s", INTERVAL["interval"].meaning, source=ASSUMED)},
+    **tuned(SEARCH, interval=0.3),
     gain=Column(0.15, "m2 s-2", "move over the slope of the curve", source=TUNED),
     least=Column(0.017, "m s-1", "least move", source=TUNED),
     largest=Column(0.06, "m s-1", "largest move", source=TUNED),
@@ -242,9 +239,7 @@ def steepest_gradient(unit, axles, memory, run):
 FUZZY_TRACKING = Table(
     "fuzzy-tracking",
     **SEARCH,
-    rise=Column(
-        0.005, ONE, "changes of the coefficient at which the outer sets peak", source=ASSUMED
-    ),
+    rise=Column(0.005, ONE, "changes of the coefficient where the outer sets peak", source=ASSUMED),
     way=Column(0.01, "m s-1", "changes of the slip at which the outer sets peak", source=ASSUMED),
     least=Column(0.01, "m s-1", "least move", source=TUNED),
     largest=Column(0.04, "m s-1", "largest move", source=TUNED),
@@ -278,13 +273,7 @@ def fuzzy_tracking(unit, axles, memory, run):
 
 CUBATURE = Table(
     "cubature-seeking",
-    **FIRST
-    | BOUNDS
-    | {
-        "first": Column(0.1, "m s-1", FIRST["first"].meaning, source=TUNED),
-        "proportional": Column(0.83, "s m-1", FIRST["proportional"].meaning, source=TUNED),
-        "margin": Column(6.3, ONE, FIRST["margin"].meaning, source=TUNED),
-    },
+    **tuned(FIRST | BOUNDS, first=0.1, proportional=0.83, margin=6.3),
     cycle=Column(0.3, "s", "period of the sine", source=TUNED),
     amplitude=Column(0.015, "m s-1", "amplitude of the sine", source=TUNED),
     gain=Column(0.57, "m2 s-2", "move of its centre over the slope of the curve", source=TUNED),
@@ -319,9 +308,8 @@ def predict(m, torque, pull, period):
     step = pull / (1.0 + pull * max(x[2] * slope, 0.0))
     a, b = step * x[2] * slope, step * value
     x[0] += step * (torque - x[2] * value)
-    for j in range(
-        3
-    ):  # the rim's row of the Jacobian is (1 - a, a, -b), the others are the identity's
+    # the rim's row of the Jacobian is (1 - a, a, -b), the others are the identity's
+    for j in range(3):
         p[j] += a * (p[3 + j] - p[j]) - b * p[6 + j]
     for i in range(3):
         p[3 * i] += a * (p[3 * i + 1] - p[3 * i]) - b * p[3 * i + 2]
@@ -373,9 +361,8 @@ def cubature_seeking(unit, axles, memory, run):
         turn, s = 2.0 * math.pi * m.ticks * run.period / m.cycle, slip / m.scale
         coefficient = x[2] * 2.0 * s / (1.0 + s * s)
         m.product += coefficient * math.sin(turn - m.lag) * run.period / m.cycle
-        if lasted(
-            m.ticks, m.cycle, run.period
-        ):  # a mean of the product is slope times amplitude / 2
+        if lasted(m.ticks, m.cycle, run.period):
+            # a mean of the product is slope times amplitude / 2
             change = clip(m.gain * 2.0 * m.product / m.amplitude, -m.largest, m.largest)
             m.centre = clip(m.centre + change, m.lowest, m.highest)
             m.ticks, m.product = 0, 0.0

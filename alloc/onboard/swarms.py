@@ -19,6 +19,7 @@ from alloc.onboard.searches import (
     hold_slip,
     interval_is_over,
     move,
+    tuned,
 )
 from alloc.parts import control
 from alloc.tables import Column, Table
@@ -64,9 +65,7 @@ SWARM_TRACKING = Table(
     spread=Column(0.04, "m s-1", "distance of the particles at the start", source=TUNED),
     keep=Column(0.98, ONE, "factor on the best values after a round", source=ASSUMED),
     gathered=Column(0.015, "m s-1", "distance within which the swarm rests", source=ASSUMED),
-    renewal=Column(
-        0.05, ONE, "relative change of the coefficient that wakes the swarm", source=ASSUMED
-    ),
+    renewal=Column(0.05, ONE, "relative change of the coefficient that wakes it", source=ASSUMED),
     **SEED,
     **SEARCHED,
     **GENERATOR,
@@ -136,12 +135,7 @@ CURVE, POINT = (0.0,) * CURVES, (0.0,) * POINTS
 
 SWARM_SLIP = Table(
     "swarm-slip",
-    **SEARCH
-    | {
-        "first": Column(0.18, "m s-1", SEARCH["first"].meaning, source=TUNED),
-        "proportional": Column(0.4, "s m-1", SEARCH["proportional"].meaning, source=TUNED),
-        "integral": Column(8.0, "m-1", SEARCH["integral"].meaning, source=TUNED),
-    },
+    **tuned(SEARCH, first=0.18, proportional=0.4, integral=8.0),
     largest=Column(0.02, "m s-1", "largest move", source=ASSUMED),
     **SEED,
     **SEARCHED,
