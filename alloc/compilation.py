@@ -88,19 +88,19 @@ def _options(function: Any) -> dict[str, Any]:
     return {"error_model": "numpy", "cache": FOLDER is not None and has_file}
 
 
-part: Any = numba.njit(inline="always", error_model="numpy", cache=FOLDER is not None)
-"""Decorator of a part of one or two compiled functions, which is inlined: handing many arrays down takes time."""
+_KEPT: Any = {"error_model": "numpy", "cache": FOLDER is not None}
+part: Any = numba.njit(inline="always", **_KEPT)
+"""Decorator of a part of one or two compiled functions, which Numba writes into them: handing a world down takes time."""
+inlined: Any = numba.njit(forceinline=True, **_KEPT)
+"""Decorator of a function that LLVM writes into those that call it; where a call might fail, they count references."""
 
 
-piece: Any = numba.njit(forceinline=True, error_model="numpy", cache=FOLDER is not None)
-
-
-@numba.njit(error_model="numpy", cache=FOLDER is not None)
+@numba.njit(**_KEPT)
 def last_use(*arrays: Any) -> None:
-    """The last use of `arrays`, at the end of a function that is called often; it does nothing.
+    """The last use of `arrays`, at the end of a function that is called very often; it does nothing.
 
-    Numba counts references to an array that is last used in a branch, which took a fifth of a run; to one that is used at
-    the end it counts none.
+    References to an array that is last used in a branch are counted, which took a quarter of a run; to one that is used at
+    the end they are not.
     """
 
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from alloc import laws
 from alloc.backends import compiled as law
-from alloc.compilation import jit, piece
+from alloc.compilation import inlined, jit
 from alloc.errors import PlantError
 from alloc.records import PlantRecord, quantity
 from alloc.registry import Registry
@@ -39,7 +39,7 @@ GOLDEN = 0.6180339887498949
 # Compiled: by the number of the curve; `q`, its values, are the fields of its record in their order, or a `shape_table`
 
 
-@piece
+@inlined
 def coefficient(curve, q, slip, speed, rim, peak, contact):
     """Tangential force coefficient at this slip velocity."""
     if curve == PIECEWISE:

@@ -15,7 +15,7 @@ import numpy as np
 
 from alloc import laws
 from alloc.backends import compiled as law
-from alloc.compilation import jit, last_use, piece
+from alloc.compilation import inlined, jit, last_use
 from alloc.curves import BY_CREEP, PIECEWISE, coefficient, steepest, top
 from alloc.tables import Rows
 
@@ -53,7 +53,7 @@ def look_up(tables, j, place):
 # The right side: what most events have in one function, since handing arrays to a part takes time; what few have in parts
 
 
-@piece
+@inlined
 def vary_rail(t, y, axles, bodies, patches, scatter, plant):
     """Patches, scatter, and what wheels have cleaned, on the adhesion coefficient that the rail offers."""
     for k in range(patches.size):
@@ -81,7 +81,7 @@ def vary_rail(t, y, axles, bodies, patches, scatter, plant):
             a.offered = law.recovered(a.offered, degree, plant.recovered_coefficient)
 
 
-@piece
+@inlined
 def find_loads(y, axles, cars, bodies, omega, curve, plant):
     """Coefficients, and axle loads as cars and bogies pitch: in closed form, without iteration between force and load."""
     for k in range(cars.size):
@@ -101,7 +101,7 @@ def find_loads(y, axles, cars, bodies, omega, curve, plant):
             a.axle_load = law.axle_load(a.static_load, a.unloading, force)
 
 
-@piece
+@inlined
 def divide_torque(t, y, dy, axles, units, omega, torque):
     """Motors in parallel on one frequency: what each gives beside the mean torque; the work of it [W]."""
     work = 0.0
@@ -116,7 +116,7 @@ def divide_torque(t, y, dy, axles, units, omega, torque):
     return work
 
 
-@piece
+@inlined
 def press_shoes(y, dy, axles, brakes, omega, pressure):
     """Shoes against the rotation of each wheelset; the work lost in them [W]."""
     work = 0.0
@@ -135,7 +135,7 @@ def press_shoes(y, dy, axles, brakes, omega, pressure):
     return work
 
 
-@piece
+@inlined
 def pull_couplers(y, dy, cars, bodies):
     """Accelerations of cars under the forces `dy` [N] and those of their couplers; power that these take in [W]."""
     taken = 0.0
@@ -372,9 +372,6 @@ def advance(
             clean_rail(end, y, axles, bodies, omega, friction, h, rail, plant)
         for r in range(y.size):  # what is left of a standstill no processor computes fast
             y[r] = end[r] if abs(end[r]) > SMALLEST else 0.0
-    last_use(
-        y, stages, stage, slope, end, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, rail, asked
-    )  # fmt: skip
 
 
 # What the oracle and the integrator need to know

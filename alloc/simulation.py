@@ -234,9 +234,9 @@ def aim(belief, law, knows, k, w, record):
 @register_jitable(inline="always")
 def command(control, w):
     """What the readhesion controller of each unit commands."""
-    for j in range(w.units.size):
-        u = w.units[j]
-        control(u, w.axles[u.first : u.last], w.memory[j], w.run[0])
+    axles, units, memory, run = w.axles, w.units, w.memory, w.run[0]
+    for j in range(units.size):
+        control(units[j], axles[units[j].first : units[j].last], memory[j], run)
 
 
 def steps(belief, law, control, knows, first, w, record):
