@@ -1,12 +1,28 @@
 """The tables of a run: what the plant is and does, what the train's computers know and decide.
 
 On board everything counts in the direction of the demand: torques, limits and slips are positive while wheels are driven or
-braked as asked, and `RUN.sign` says which way that is. In the plant, traction is positive. A column is a line.
+braked as asked, and `RUN.sign` says which way that is. In the plant, traction is positive.
+
+A column is a line, or a field of a record.
 """
 
 import math
+from dataclasses import replace
 
-from alloc.tables import Column, Table
+from alloc.onboard.settings import (
+    Braking,
+    Detector,
+    Fuzzy,
+    Observer,
+    Onboard,
+    Sensors,
+    SlideProtection,
+    Telegrams,
+    Threshold,
+)  # fmt: skip
+from alloc.rail import LINE, PATCH, Rail, Receptivity
+from alloc.tables import Column, Table, columns_of
+from alloc.train import Coupler
 
 # fmt: off
 
@@ -64,10 +80,7 @@ CAR = Table(
     resistance=Column(0.0, "N", "running resistance at rest"),
     resistance_linear=Column(0.0, "N s m-1", "part of the running resistance that grows with the speed"),
     resistance_quadratic=Column(0.0, "N s2 m-2", "part that grows with its square, the air's"),
-    stiffness=Column(0.0, "N m-1", "stiffness of the coupler behind it"),
-    stiffening=Column(0.0, "N m-3", "growth of that stiffness with the square of the stroke"),
-    damping=Column(0.0, "N s m-1", "damping of that coupler"),
-    slack=Column(0.0, "m", "slack of that coupler"),
+    **{key: replace(one, default=0.0) for key, one in columns_of(Coupler).items()},  # of the one behind it
     # of the instant
     force=Column(0.0, "N", "rail force of its axles"),
     pitch=Column(0.0, ONE, "sum of its axles' coefficients times unloading"),
@@ -170,23 +183,6 @@ BRAKE = Table(
     cylinder_pressure=Column(0.0, "Pa", "brake cylinder pressure", True),
 )
 
-PATCH = Table(
-    "patch",
-    factor=Column(1.0, ONE, "factor on the coefficient"),
-    start=Column(-1e6, "m", "begin in space"),
-    end=Column(1e6, "m", "end in space"),
-    edge=Column(5.0, "m", "width of its smooth edges"),
-    begin=Column(-1e6, "s", "begin in time"),
-    until=Column(1e6, "s", "end in time"),
-    fade=Column(0.2, "s", "time of its smooth edges"),
-)
-
-LINE = Table(
-    "line",  # a point every `PLANT.line_spacing` from `PLANT.line_origin` on
-    grade=Column(0.0, ONE, "rise per run", source="JP H07-322414"),
-    air=Column(1.0, ONE, "air resistance over that in the open", source="JP H07-322414"),
-)
-
 PLANT = Table(
     "plant",  # one row: what rail, line and integration have in common for all axles
     period=Column(0.01, "s", "control period"),
@@ -198,19 +194,13 @@ PLANT = Table(
     parallel=Column(0, ONE, "whether motors of a unit share a frequency"),
     curve_number=Column(0, ONE, "number of the adhesion curve in `alloc.curves`"),
     law_offset=Column(1.0, "km h-1", "offset of the speed law of adhesion"),
-    scatter_length=Column(0.0, "m", "distance of the scatter's knots; 0: no scatter"),
-    conditioning=Column(0.0, ONE, "relative gain of adhesion behind a wheel that slips much", source="JP4209318 par. 0051"),
-    conditioning_slip=Column(0.05, ONE, "slip ratio that cleans the rail to 63 %"),
-    recovered_coefficient=Column(0.0, ONE, "coefficient to which dissipated energy raises a lower one; 0: it does not"),
-    recovery_energy=Column(4200.0, "J m-1", "energy on a metre of rail that recovers 76 % of the difference"),
-    recovery_time=Column(0.1, "s", "time constant of the recovery"),
-    recovery_left=Column(0.25, ONE, "share of an axle's recovery that stays on the rail for those behind"),
-    cleaning_spacing=Column(0.1, "m", "resolution of the cleaned rail"),
+    **columns_of(
+        Rail, "scatter_length", "conditioning", "conditioning_slip", "cleaning_spacing", "recovered_coefficient",
+        "recovery_energy", "recovery_time", "recovery_left",
+    ),
     line_origin=Column(0.0, "m", "begin of the line's points"),
     line_spacing=Column(5.0, "m", "distance of the line's points"),
-    receptivity_mean=Column(1.0, ONE, "mean share of the electric brake that the line takes"),
-    receptivity_amplitude=Column(0.0, ONE, "amplitude of that share"),
-    receptivity_period=Column(3.0, "s", "period of that share"),
+    **columns_of(Receptivity, prefix="receptivity_"),
     receptivity_phase=Column(0.0, "rad", "phase of that share"),
     planned=Column(0.0, "s2 m-1", "coefficient that each m/s2 asked for needs of every driven axle, by the true masses"),
     brake_planned=Column(0.0, "s2 m-1", "the same of every axle that acts in blended braking"),
@@ -221,19 +211,13 @@ ONBOARD = Table(
     planned=Column(0.2, "s2 m-1", "coefficient that each m/s2 asked for needs, as believed", source="JP5484215 (6)"),
     brake_planned=Column(0.1, "s2 m-1", "the same in blended braking"),
     blended=Column(1, ONE, "whether every car brakes itself"),
-    blend_time=Column(4.0, "s", "time in which motors take over a full brake from the air"),
-    release_speed=Column(0.5, "m s-1", "reference speed below which the driver releases the brakes"),
-    inertia_in_limit=Column(1, ONE, "whether a target holds the torque that turns the wheelsets", source="JP5484215 (6)"),
-    inertia_in_estimate=Column(1, ONE, "whether (18) counts the torque that decelerates the wheelsets",
-                               source="JP5484215 (18)"),
+    **columns_of(Onboard, "inertia_in_limit"),
+    **columns_of(Braking, "blend_time", "release_speed", "inertia_in_estimate"),
     air_commanded=Column(0, ONE, "whether (18) takes the air brake force commanded", source="JP5484215 (18)"),
-    quantum=Column(0.0, "m s-1", "step to which a speed is rounded; 0: none"),
-    pole=Column(40.0, "s-1", "pole of the detector's differentiator"),
-    slip_on=Column(1.5, "m s-2", "acceleration of slip", source="JP5484215 Fig. 5"),
-    slip_off=Column(0.75, "m s-2", "acceleration below which slip has ended", source="JP5484215 Fig. 5"),
-    speed_on=Column(0.6, "m s-1", "slip velocity of slip"),
-    observer_pole=Column(25.0, "s-1", "pole a of the disturbance observer", source="JP5484215 (3)"),
-    silence=Column(1.0, "s", "a unit that has heard nothing for so long keeps the plan"),
+    **columns_of(Sensors, "speed_quantum"),
+    **columns_of(Detector, prefix="detector_"),
+    **columns_of(Observer, prefix="observer_"),
+    **columns_of(Telegrams, "silence"),
     true_speed=Column(0, ONE, "whether the computers are given the true speed"),
     # reference speed
     reading=Column(0.01, "m s-1", "deviation of a reading beside noise"),
@@ -253,17 +237,9 @@ SLIDE = Table(
     "slide",  # one row: numbers of the slide protection
     protection=Column(1, ONE, "its law: 0 none, 1 threshold, 2 fuzzy"),
     every=Column(1, ONE, "control periods from one decision to the next"),
-    cut_out=Column(5.0 / 3.6, "m s-1", "speed below which valves do not act"),
-    hold_ratio=Column(0.08, ONE, "threshold: slip ratio above which a pressure is held"),
-    release_ratio=Column(0.15, ONE, "threshold: slip ratio above which it is released"),
-    pole=Column(6.6789, "s-1", "fuzzy: pole of the slide's differentiator"),
-    sensitivity=Column(1.0, ONE, "fuzzy: detection sensitivity", source="JP4209318, Table 4"),
-    small=Column(0.0, ONE, "fuzzy: slip ratio that is small"),
-    medium=Column(0.077716, ONE, "fuzzy: slip ratio that is medium"),
-    large=Column(0.17027, ONE, "fuzzy: slip ratio that is large"),
-    falling=Column(-3.5912, "m s-2", "fuzzy: slip acceleration that is falling"),
-    steady=Column(0.0, "m s-2", "fuzzy: slip acceleration that is steady"),
-    growing=Column(3.5912, "m s-2", "fuzzy: slip acceleration that is growing"),
+    **columns_of(SlideProtection, "cut_out_speed"),
+    **columns_of(Threshold, prefix="threshold_"),
+    **columns_of(Fuzzy, prefix="fuzzy_"),
 )
 
 RUN = Table(

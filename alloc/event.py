@@ -160,7 +160,7 @@ class Event(Record):
         rail.put_under(axles, plant[0])
         put(plant[0], self.receptivity, "receptivity_")
         patches, scatter, curve = PATCH.of(rail.patches), rail.scatter_ring(), rail.curve.values
-        shortest = find_rates(axles, cars, units, brakes, patches, curve, scatter, plant[0])
+        shortest = find_rates(axles, cars, units, brakes, curve, rail.greatest_peak(), plant[0])
         for fault in self._size(shortest):
             raise SimulationError(f"event: {fault}")
         axles.axle_load = axles.static_load

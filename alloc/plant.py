@@ -420,13 +420,12 @@ def true_limits(
 
 
 def find_rates(
-    axles: Rows, cars: Rows, units: Rows, brakes: Rows, patches: Rows, curve: Any, scatter: Any, plant: Any
-) -> float:  # fmt: skip
-    """Write the rates that bound a step, `plant.rate` and `plant.contact_rate`; the shortest step that they ask for [s]."""
-    peak = axles.law_numerator / plant.law_offset + axles.law_constant
-    peak = peak * np.prod(np.maximum(patches.factor, 1.0)) + np.maximum(axles.increment, 0.0)
-    most = (peak.max() + 4.0 * np.std(scatter)) * (1.0 + plant.conditioning)
-    most = max(most, plant.recovered_coefficient)
+    axles: Rows, cars: Rows, units: Rows, brakes: Rows, curve: Any, most: float, plant: Any
+) -> float:
+    """Write the rates that bound a step, `plant.rate` and `plant.contact_rate`; the shortest step that they ask for [s].
+
+    `most`: the greatest coefficient that the rail offers anywhere.
+    """
     slope = steepest(plant.curve_number, curve, most, axles.contact.max())
     carried = slope * axles.static_load
     rigid = plant.body_mass > 0.0

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.columns import LINE, PATCH
 from alloc.curves import PiecewiseCurve
 from alloc.errors import PlantError
 from alloc.records import NOT_IN_FILES, PlantRecord, quantity
-from alloc.tables import Rows, put
+from alloc.tables import Column, Rows, Table, columns_of, put
 
 SPEED_LAWS: dict[str, tuple[float, float, float]] = {
     "none": (0.0, 1.0, 1.0),
@@ -76,6 +75,9 @@ class Patch(PlantRecord):
             a, b = getattr(self, low), getattr(self, high)
             if not a < b:
                 yield f"{low} = {a!r} must lie before {high} = {b!r}"
+
+
+PATCH = Table("patch", **columns_of(Patch))
 
 
 @dataclass(frozen=True)
@@ -190,6 +192,13 @@ class Rail(PlantRecord):
         """Ring of cells under a train of `length` [m], none of them cleaned; a few where wheels clean nothing."""
         cleans = self.conditioning > 0.0 or self.recovered_coefficient > 0.0
         return np.zeros(int(length / self.cleaning_spacing) + 256 if cleans else 4)
+
+
+LINE = Table(
+    "line",  # a point every `PLANT.line_spacing` from `PLANT.line_origin` on
+    grade=Column(0.0, "1", "rise per run", source="JP H07-322414"),
+    air=Column(1.0, "1", "air resistance over that in the open", source="JP H07-322414"),
+)
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,15 @@ Rows are read by name everywhere: `units[j].limit` in compiled and in plain code
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 import numpy as np
 from numba import from_dtype
 from numpy.typing import NDArray
+
+from alloc.records import meanings
+from alloc.units import UNITS
 
 Rows = Any
 """A `numpy.recarray` of a table; a row's columns are attributes of it."""
@@ -75,11 +78,31 @@ class Table:
         return np.zeros((ticks, n), self.recorded).view(np.recarray)
 
 
+def columns_of(kind: type, *names: str, prefix: str = "") -> dict[str, Column]:
+    """Columns of the numbers and flags of a record, by the names of its fields behind `prefix`; what may be left out is 0.
+
+    `names`: of the fields; none: of all that files may set.
+    """
+    said, si = meanings(kind), {unit.symbol: unit.si for unit in UNITS}
+    found = {}
+    for one in fields(kind):
+        unit = one.metadata.get("unit", "1" if one.type is bool else None)
+        if unit is None or (names and one.name not in names):
+            continue
+        value = 0.0 if one.default is MISSING or one.default is None else one.default
+        about, _, _ = said[one.name].text.partition(". ")
+        number = int(value) if isinstance(value, bool) else value
+        source = said[one.name].source
+        found[prefix + one.name] = Column(number, si[unit], about.rstrip("."), source=source)
+    return found
+
+
 def put(row: Any, record: Any, prefix: str = "") -> None:
     """Write the fields of a record into the columns that have their names, behind `prefix`."""
     for one in fields(record):
-        if (name := prefix + one.name) in row.dtype.names:
-            row[name] = getattr(record, one.name)
+        value = getattr(record, one.name)
+        if (name := prefix + one.name) in row.dtype.names and value is not None:
+            row[name] = value
 
 
 def words(rows: Rows) -> NDArray[np.int64]:

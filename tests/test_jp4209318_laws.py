@@ -55,7 +55,7 @@ def driven():
         units.applied = 1000.0 if sense.time < 3.0 else 300.0
 
     slippery = Rail(0.2, patches=(Patch(0.4, begin=2.0, until=4.0),))
-    return course(driver, find_set("commuter-8car"), slippery, 6.0, 5.0, None)
+    return course(driver, find_set("commuter-8car"), slippery, 6.0, 5.0)
 
 
 @pytest.fixture(scope="module", params=[braked, readhering])

@@ -57,7 +57,7 @@ def board(seed=0, **run):
     sent, table = np.tile([[40, 30]], (50, 1)), np.linspace(9e3, 1e3, 200) * np.ones((2, 1))
     return {
         "axles": axles, "cars": CAR.rows(3), "units": units, "brakes": brakes, "u": units[1], "a": axles[3], "b": brakes[1],
-        "plant": unequal(PLANT, 1, rng)[0], "onboard": unequal(ONBOARD, 1, rng, quantum=1e-3)[0],
+        "plant": unequal(PLANT, 1, rng)[0], "onboard": unequal(ONBOARD, 1, rng, speed_quantum=1e-3)[0],
         "run": unequal(RUN, 1, rng, **now | speeds | run)[0], "slide": unequal(SLIDE, 1, rng, protection=2)[0],
         "said": said, "orders": said, "told": sent, "heard": sent, "y": np.array(y), "noise": 0.01 * rng.standard_normal(6),
         "effort": table, "retard": 0.9 * table, "omega": 2, "torque": 8, "k": 40, "tick": 40, "j": 1, "always": True,
@@ -88,7 +88,11 @@ def test_compiled_code_is_the_python_that_it_is_written_in(name, now):
 @pytest.mark.parametrize("pole", [5.0, 10.0, 40.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_constant_acceleration_is_found_as_it_is(pole, sign):
-    u, onboard, run = UNIT.rows(1)[0], ONBOARD.rows(1, pole=pole)[0], RUN.rows(1, sign=sign)[0]
+    u, onboard, run = (
+        UNIT.rows(1)[0],
+        ONBOARD.rows(1, detector_pole=pole)[0],
+        RUN.rows(1, sign=sign)[0],
+    )
     for k in range(500):
         u.rim = 20.0 + 1.3 * k * H
         sensing.detect(u, onboard, run)
@@ -123,8 +127,8 @@ def test_readings_are_true_rim_speeds_with_noise_steps_and_wrong_radii(commanded
     b["onboard"].air_commanded, b["onboard"].true_speed = commanded, 1
     units.air_brake_force = [1500.0, 2500.0]
     call(sensing.sense, b)
-    steps = (axles.believed_radius * b["y"][2:8] + b["noise"]) / b["onboard"].quantum
-    assert (axles.reading / b["onboard"].quantum)[seen] == pytest.approx(np.rint(steps[seen]))
+    steps = (axles.believed_radius * b["y"][2:8] + b["noise"]) / b["onboard"].speed_quantum
+    assert (axles.reading / b["onboard"].speed_quantum)[seen] == pytest.approx(np.rint(steps[seen]))
     assert (
         axles.reading[2] == b["run"].reference_speed == 20.0
     )  # what is not seen rolls with the train

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alloc import plant
+from alloc import event, plant
 from alloc.columns import AXLE, BRAKE, CAR, LINE, PATCH, PLANT, RUN, UNIT
 from alloc.curves import CURVES
 from tests.cases import looped
@@ -300,15 +300,16 @@ def test_neither_half_the_step_nor_the_period_matters():
 @looped("kind", CURVES)
 def test_steps_are_as_short_as_the_contacts_need(kind):
     w = Train("three cars", kind)
-    rows = [w.axles, w.cars, w.units, w.brakes, w.patches, w.curve, w.scatter]
-    shortest = plant.find_rates(*rows, w.plant)
+    most = (w.axles.law_numerator / w.plant.law_offset + w.axles.law_constant).max()
+    most = (1.4 * most + 0.06) * (1.0 + w.plant.conditioning)  # patch, increments and scatter
+    shortest = plant.find_rates(w.axles, w.cars, w.units, w.brakes, w.curve, most, w.plant)
     assert shortest <= w.plant.step
     for speed in (0.5, 15.0):  # where the curve goes by creep, a fast train takes longer steps
-        w.y[:] = start = w.state(speed)
-        coarse = w.run(0.5).copy()
-        w.y[:] = start
-        w.axles.cell, w.rail[:] = 0, 0.0
-        assert np.allclose(coarse[3:6], w.run(0.5, shortest / 4)[3:6], atol=0.02)
+        start, found = w.state(speed), []
+        for step in (event.STEP, shortest / 4):
+            w.y[:], w.axles.cell, w.rail[:] = start, 0, 0.0
+            found.append(w.run(0.5, step)[3:6].copy())
+        assert np.allclose(*found, atol=0.005)
 
 
 def test_a_locked_wheel_stays_locked_until_it_is_released():
@@ -401,8 +402,8 @@ def test_the_oracle_knows_what_the_next_steps_carry():
         (40.0, 0.1 * plant.USED),
     ):  # at 40 m/s the front is on the patch within 0.15 s
         w.y[0], w.y[1], w.y[2:14] = 100.0, speed, speed / w.axles.radius
-        plant.true_limits(0.0, w.y, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.curve,
-                          w.scatter, w.plant, run)  # fmt: skip
+        plant.true_limits(0.0, w.y, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
+                          w.curve, w.scatter, w.plant, run)  # fmt: skip
         assert w.units.truth[0] == pytest.approx(truth)
         assert w.units.truth[2] == pytest.approx(0.2 * plant.USED)
 

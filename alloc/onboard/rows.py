@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from alloc.columns import INF, ONBOARD, RUN, SLIDE
 from alloc.errors import OnboardError
 from alloc.onboard.settings import Onboard, SlideLaw
-from alloc.tables import Rows
+from alloc.tables import Rows, put
 from alloc.train import Train
 from alloc.train_rows import TrainRows, train_rows
 
@@ -98,21 +98,18 @@ def onboard_rows(onboard: Onboard, rows: TrainRows, speed: float) -> tuple[Rows,
     # rounding is as uncertain as its quantum makes it
     noise = math.hypot(sensors.speed_noise, sensors.speed_quantum / math.sqrt(12.0))
     board = ONBOARD.rows(
-        1, **known, blend_time=braking.blend_time, release_speed=braking.release_speed,
-        inertia_in_limit=int(onboard.inertia_in_limit), inertia_in_estimate=int(braking.inertia_in_estimate),
-        air_commanded=int(braking.air_force == "command"), quantum=sensors.speed_quantum,
-        slip_on=detector.on, slip_off=detector.off, speed_on=detector.speed_on, observer_pole=onboard.observer.pole,
-        silence=telegrams.silence, true_speed=int(onboard.reference.source == "truth"),
-        pole=detector_pole(onboard, noise, int(rows.units.axles.min(initial=4))),
+        1, **known, air_commanded=int(braking.air_force == "command"), true_speed=int(onboard.reference.source == "truth")
     )  # fmt: skip
-    small, medium, large = slide.fuzzy.slip
-    falling, steady, growing = slide.fuzzy.rate
     valves = SLIDE.rows(
-        1, protection=get_args(SlideLaw).index(slide.law), every=max(1, round(slide.period / onboard.period)),
-        cut_out=slide.cut_out_speed, hold_ratio=slide.threshold.hold, release_ratio=slide.threshold.release,
-        pole=slide.fuzzy.pole, sensitivity=slide.fuzzy.sensitivity, small=small, medium=medium, large=large,
-        falling=falling, steady=steady, growing=growing,
+        1, protection=get_args(SlideLaw).index(slide.law), every=max(1, round(slide.period / onboard.period))
     )  # fmt: skip
+    for row, record, prefix in (
+        (board, onboard, ""), (board, braking, ""), (board, sensors, ""), (board, telegrams, ""),
+        (board, detector, "detector_"), (board, onboard.observer, "observer_"), (valves, slide, ""),
+        (valves, slide.threshold, "threshold_"), (valves, slide.fuzzy, "fuzzy_"),
+    ):  # fmt: skip
+        put(row, record, prefix)
+    board.detector_pole = detector_pole(onboard, noise, int(rows.units.axles.min(initial=4)))
     run = RUN.rows(
         1, period=onboard.period, telegram=telegrams.period, rise=onboard.rise_time, hold=onboard.hold_time,
         limit_rate=INF if onboard.limit_rate is None else onboard.limit_rate,

@@ -89,8 +89,10 @@ def read_axles(y, noise, axles, units, omega, torque, onboard, run):
         a.reading, seen = run.reference_speed, is_seen(a, run.time)
         if seen:
             a.reading = rim + noise[i]
-            if onboard.quantum > 0.0:
-                a.reading = math.floor(a.reading / onboard.quantum + 0.5) * onboard.quantum
+            if onboard.speed_quantum > 0.0:
+                a.reading = (
+                    math.floor(a.reading / onboard.speed_quantum + 0.5) * onboard.speed_quantum
+                )
             ahead = run.sign * (a.reading - run.reference_speed)
             a.ahead += h / MEAN_TIME * (ahead - a.ahead)
             least = min(least, a.ahead)
@@ -205,13 +207,16 @@ def detect(u, onboard, run):
     """
     if math.isnan(u.filtered):
         u.filtered = u.rim
-    advance = (1.0 - math.exp(-onboard.pole * run.period)) * (u.rim - u.filtered)
+    advance = (1.0 - math.exp(-onboard.detector_pole * run.period)) * (u.rim - u.filtered)
     u.filtered += advance
     u.computed_acceleration = run.sign * advance / run.period
     was = u.slipping
-    if u.computed_acceleration > onboard.slip_on or u.worst_slip > onboard.speed_on:
+    if u.computed_acceleration > onboard.detector_on or u.worst_slip > onboard.detector_speed_on:
         u.slipping = 1
-    elif u.computed_acceleration <= onboard.slip_off and u.worst_slip < 0.5 * onboard.speed_on:
+    elif (
+        u.computed_acceleration <= onboard.detector_off
+        and u.worst_slip < 0.5 * onboard.detector_speed_on
+    ):
         u.slipping = 0
     if u.slipping and run.driver_command != 0.0:
         u.slipped = run.time

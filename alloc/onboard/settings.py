@@ -304,15 +304,14 @@ class Onboard(OnboardRecord):
         """
         changed = self
         for path, value in settings.items():
-            parts = path.split(".")
-            inner: list[Any] = [changed]
-            for part in parts:
-                known = [one.name for one in fields(inner[-1])] if is_dataclass(inner[-1]) else []
-                if part not in known:
-                    told = f"setting {path!r} is no field of alloc.onboard.settings.Onboard"
-                    raise OnboardError(told)
-                inner.append(getattr(inner[-1], part))
-            for part, whole in zip(reversed(parts), reversed(inner[:-1]), strict=True):
-                value = replace(whole, **{part: value})
-            changed = value
+            changed = _with(changed, path.split("."), value, path)
         return changed
+
+
+def _with(record: Any, parts: list[str], value: Any, path: str) -> Any:
+    """`record` with `value` at the end of these names of fields."""
+    name, *inner = parts
+    if not is_dataclass(record) or name not in (one.name for one in fields(record)):
+        raise OnboardError(f"setting {path!r} is no field of alloc.onboard.settings.Onboard")
+    value = _with(getattr(record, name), inner, value, path) if inner else value
+    return replace(record, **{name: value})  # type: ignore[type-var]

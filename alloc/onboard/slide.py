@@ -39,7 +39,7 @@ def protect(k, axles, brakes, slide, run):
             b.severity = max(b.severity, asked_by(a, slide, run))
     for b in brakes:
         b.valve = SUPPLY if b.severity < 0.5 else HOLD if b.severity < 1.5 else RELEASE
-        if run.reference_speed < slide.cut_out:
+        if run.reference_speed < slide.cut_out_speed:
             b.valve = SUPPLY
 
 
@@ -48,18 +48,22 @@ def asked_by(a, slide, run):
     """What an axle asks of its bogie's valves, `SUPPLY` to `RELEASE`: release if it stands while the train runs."""
     speed, period = run.reference_speed, run.period * slide.every
     behind = max(speed - a.reading, 0.0)
-    advance = (1.0 - math.exp(-slide.pole * period)) * (behind - a.slide)
+    advance = (1.0 - math.exp(-slide.fuzzy_pole * period)) * (behind - a.slide)
     # JP4209318's sets are calibrated with the slide ahead of its filter, times the pole, for its acceleration
-    rate = slide.pole * (behind - a.slide)
+    rate = slide.fuzzy_pole * (behind - a.slide)
     a.slide += advance
-    if a.reading < STANDING and speed > slide.cut_out:
+    if a.reading < STANDING and speed > slide.cut_out_speed:
         return RELEASE
     ratio = behind / max(abs(speed), abs(a.reading), LEAST_SPEED)
     if slide.protection == THRESHOLD:
         return (
-            RELEASE if ratio > slide.release_ratio else HOLD if ratio > slide.hold_ratio else SUPPLY
+            RELEASE
+            if ratio > slide.threshold_release
+            else HOLD
+            if ratio > slide.threshold_hold
+            else SUPPLY
         )
-    s = slide.sensitivity
+    s, slip, rates = slide.fuzzy_sensitivity, slide.fuzzy_slip, slide.fuzzy_rate
     return law.fuzzy_valve(
-        s * ratio, s * rate, slide.small, slide.medium, slide.large, slide.falling, slide.steady, slide.growing
-    )  # fmt: skip
+        s * ratio, s * rate, slip[0], slip[1], slip[2], rates[0], rates[1], rates[2]
+    )

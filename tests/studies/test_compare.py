@@ -106,7 +106,7 @@ def test_bad_parts(parts, words):
 
 
 def test_the_gap_of_a_solver_is_the_greatest_of_its_runs():
-    event = load("wet-start").changed(duration_s=6.0)
+    event = load("uneven-load").changed(duration_s=8.0)
     solved, exact = (run(event, rule, "perturb-observe", 0) for rule in ("qp", "cooperative"))
     assert 0.0 < solved["rule_gap"] < 1e-6  # its answers are OSQP's own, within the tolerance
     assert np.isnan(exact["rule_gap"])

@@ -19,20 +19,20 @@ STYLE = Path(__file__).parents[2] / "paper_figs" / "readhesion.mplstyle"
 POPULATIONS = {
     claims: (
         0,
-        "f84524d5a5519832 4201c68895ca2201 e67e912fae19f325",
+        "c50789cde3036720 c8169aeb767e5ff4 9abe1f576a5acf86",
         {"level": (0.06, 0.2), "slope": (0.0, 0.0332), "scatter": (0.0, 0.012),
          "patch_factor": (0.6, 1.0), "patch_start_m": (5.0, 40.0), "patch_length_m": (20.0, 60.0)},
     ),
     braking: (
         90,
-        "9f7c80a8b7761bde f5ea31c0b2035983 88223648d7a91ebb",
+        "cad44c0c394b33cb 9457f4876ca620d2 129a03f7553991a8",
         {"residual_ratio": (0.3, 0.98), "peak_slip": (0.15, 0.8), "share": (0.4, 1.1),
          "end_kmh": (0.0, 35.0), "patch_factor": (0.5, 1.6), "grade_permille": (-20.0, 20.0),
          "radius_error": (0.0, 0.005), "failed_at_s": (0.0, 6.0), "day": (1, 2**31)},
     ),
     population: (
         65,
-        "7278c7ae0fc08192 db7656daeec41cbd 027e967a309c4691",
+        "fed6fa84b0eb3f75 e3470b178c970b28 db040890f5716a6f",
         {"units": (2.0, 20.0), "lag_s": (0.005, 0.1), "adhesion": (0.08, 0.22), "offered": (0.7, 1.3),
          "growth": (-0.05, 0.25), "speed_noise_kmh": (0.0, 0.1), "telegram_loss": (0.0, 0.1)},
     ),
