@@ -135,6 +135,8 @@ def test_torque_limits_follow_torque_power_pull_out_and_fading():
         per_power = radius / (gear * speed)
         assert drive == pytest.approx(min(900.0, 150e3 * per_power) * min(1.0, 20.0 / speed))
         assert brake == pytest.approx(min(900.0, 90e3 * per_power) * min(1.0, speed / 2.0))
+    as_driven = replace(motors, brake_power=None, pull_out_speed=None, fade_speed=0.0)
+    assert np.ptp(as_driven.limits(radius, 4, 1e4), axis=0).max() == 0.0
     table = Motors(gear, effort_speed=(0.0, 50.0 / 3.6, 100.0 / 3.6), effort=(1e4, 8e3, 4e3))
     drive, brake = table.limits(radius, 4, 1e4)
     assert drive[[0, 25, 75, 400]] * 4 * gear / radius == pytest.approx([1e4, 9e3, 6e3, 4e3])
@@ -157,6 +159,7 @@ def test_what_the_computers_cannot_know_is_in_other_columns():
     assert rows.axles.shoe_gain[~cut] == pytest.approx(0.8 * 0.05)
     assert rows.brakes.gain == pytest.approx(0.05)
     assert rows.units.slip_torque == pytest.approx(2.0 * 2.5 * 1000.0 / (10.0 * math.pi))
+    assert replace(MOTORS, inverter_group="1C1M").slip_torque(1000.0) == 0.0  # its own inverter
     assert rows.cars.stiffness.tolist() == [1e7, 2e7, 0.0]
 
 
