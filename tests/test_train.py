@@ -148,6 +148,16 @@ def test_torque_limits_follow_torque_power_pull_out_and_fading():
     ] == pytest.approx(most)
 
 
+@looped("train", [find_set("freight-17"), find_set("freight-17").reversed()])
+def test_a_command_runs_along_the_brake_pipe_from_the_head_of_the_train(train):
+    rows, front = rows_of(train), np.cumsum([0.0, *(car.length for car in train.cars)])
+    for g, group in enumerate(rows.brakes):
+        car = rows.axles.car[rows.axles.brake == g][0]
+        brake = train.cars[car].air_brake
+        assert group.dead_time == pytest.approx(brake.dead_time + front[car] / 250.0)
+        assert (group.fill_time, group.release_time) == (brake.lag, brake.release_lag) == (3.0, 6.0)
+
+
 def test_what_the_computers_cannot_know_is_in_other_columns():
     rows = train_rows(UNEQUAL, radius_errors=0.01 * np.arange(10))
     assert rows.axles.believed_radius == pytest.approx(
