@@ -190,6 +190,22 @@ def test_the_jerk_of_a_slow_oscillation_is_its_derivative():
     assert jerk(run)[200:-200, 0] == pytest.approx(0.2 * np.cos(2.0 * time)[200:-200], abs=1e-3)
 
 
+@pytest.mark.parametrize("hertz", [2.0, 5.0, 10.0])
+def test_jerk_above_the_cut_off_is_filtered_out(hertz):
+    """To and fro a Butterworth filter of second order passes 1 / (1 + (f / 5 Hz)^4)."""
+    turn = 2.0 * np.pi * hertz * 0.01
+    run = made(np.full((2000, 2), 1e4), car_acceleration=np.sin(turn * np.arange(2000))[:, None])
+    expected = np.sin(turn) / 0.01 / (1.0 + (hertz / 5.0) ** 4) / np.sqrt(2.0)
+    assert np.std(jerk(run)[200:-200, 0]) == pytest.approx(expected, rel=0.01)
+
+
+def test_torque_fluctuation_is_about_the_mean_of_a_second():
+    swing = 1e3 * np.sin(2.0 * np.pi * np.arange(2000) / 100.0) + 3.0 * np.arange(2000)
+    run = made(np.full((2000, 2), 1e4), motor_torque=swing[:, None])
+    expected = 1e3 / np.sqrt(2.0) / (run["planned_coefficient"].values[0] * LOAD)
+    assert evaluate(run)["torque_fluctuation"] == pytest.approx(expected, rel=0.05)
+
+
 def test_an_own_metric_gets_the_recorded_run_and_joins_all_others(monkeypatch):
     monkeypatch.setattr(metrics, "METRICS", Registry("metric"))
 
