@@ -200,7 +200,7 @@ def test_jerk_above_the_cut_off_is_filtered_out(hertz):
 
 
 def test_torque_fluctuation_is_about_the_mean_of_a_second():
-    swing = 1e3 * np.sin(2.0 * np.pi * np.arange(2000) / 100.0) + 3.0 * np.arange(2000)
+    swing = 1e3 * np.sin(2.0 * np.pi * np.arange(2000) / 100.0) + 10.0 * np.arange(2000)
     run = made(np.full((2000, 2), 1e4), motor_torque=swing[:, None])
     expected = 1e3 / np.sqrt(2.0) / (run["planned_coefficient"].values[0] * LOAD)
     assert evaluate(run)["torque_fluctuation"] == pytest.approx(expected, rel=0.05)
