@@ -67,6 +67,9 @@ if FOLDER is not None:
     numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
 
 
+_KEPT: Any = {"error_model": "numpy", "cache": FOLDER is not None}
+
+
 def jit(*signature: Any) -> Any:
     """Decorator of a compiled function: `@jit` on its own, or `@jit(signature)` to compile it at once.
 
@@ -84,11 +87,9 @@ def jit(*signature: Any) -> Any:
 
 def _options(function: Any) -> dict[str, Any]:
     """Of what was typed at a prompt nothing is kept: Numba names what it keeps after the function's file."""
-    has_file = os.path.isfile(function.__code__.co_filename)
-    return {"error_model": "numpy", "cache": FOLDER is not None and has_file}
+    return _KEPT | {"cache": _KEPT["cache"] and os.path.isfile(function.__code__.co_filename)}
 
 
-_KEPT: Any = {"error_model": "numpy", "cache": FOLDER is not None}
 part: Any = numba.njit(inline="always", **_KEPT)
 """Decorator of a part of one or two compiled functions, which Numba writes into them: handing a world down takes time."""
 inlined: Any = numba.njit(forceinline=True, **_KEPT)

@@ -50,6 +50,12 @@ def look_up(tables, j, place):
     return tables[j, k] + (place - k) * (tables[j, k + 1] - tables[j, k])
 
 
+@inlined
+def cleans(plant):
+    """Whether wheels change the rail that they leave."""
+    return plant.conditioning > 0.0 or plant.recovered_coefficient > 0.0
+
+
 # The right side: what most events have in one function, since handing arrays to a part takes time; what few have in parts
 
 
@@ -84,17 +90,19 @@ def vary_rail(t, y, axles, bodies, patches, scatter, plant):
 @inlined
 def find_loads(y, axles, cars, bodies, omega, curve, plant):
     """Coefficients, and axle loads as cars and bogies pitch: in closed form, without iteration between force and load."""
-    for k in range(cars.size):
-        cars[k].force, cars[k].pitch = 0.0, 0.0
     for i in range(axles.size):
-        a, c = axles[i], cars[axles[i].car]
+        a = axles[i]
         speed, rim = y[bodies + a.body], a.radius * y[omega + i]
         slip = rim - speed
         mu = coefficient(plant.curve_number, curve, slip, speed, rim, a.offered, a.contact)
         a.coefficient, a.axle_load = mu, a.static_load
-        c.force += mu * a.static_load
-        c.pitch += mu * a.unloading
     if plant.pitches:
+        for k in range(cars.size):
+            cars[k].force, cars[k].pitch = 0.0, 0.0
+        for i in range(axles.size):
+            a, c = axles[i], cars[axles[i].car]
+            c.force += a.coefficient * a.static_load
+            c.pitch += a.coefficient * a.unloading
         for i in range(axles.size):
             a, c = axles[i], cars[axles[i].car]
             force = law.car_force(c.force, c.pitch)
@@ -170,8 +178,7 @@ def derivative(
         if bodies > 1:
             decline = law.speed_law(y[bodies + a.body], 1.0, offset, 0.0)
         a.offered = max(a.law_numerator * decline + a.law_constant + a.increment, FLOOR)
-    cleans = plant.conditioning > 0.0 or plant.recovered_coefficient > 0.0
-    if cleans or patches.size > 0 or plant.scatter_length > 0.0:
+    if cleans(plant) or patches.size > 0 or plant.scatter_length > 0.0:
         vary_rail(t, y, axles, bodies, patches, scatter, plant)
 
     # the wheelsets; a unit's angular speeds are summed where the rate of its torque will stand
@@ -220,10 +227,10 @@ def derivative(
     for k in range(cars.size):
         c, body = cars[k], cars[k].body
         place = (y[body] + c.middle - plant.line_origin) / plant.line_spacing
-        here = line[int(min(max(place, 0.0), last))]
+        place = min(max(place, 0.0), last)
+        here = line[int(place)]
         grade, air = here.grade, here.air
         if line.size > 1:
-            place = min(max(place, 0.0), last)
             part, ahead = place - int(place), line[int(place) + 1]
             grade += part * (ahead.grade - grade)
             air += part * (ahead.air - air)
@@ -341,7 +348,7 @@ def advance(
     """
     stage, slope, end = stages[0], stages[1], stages[2]
     bodies, omega, _, _, friction = places(axles, cars, units, brakes, plant)
-    period, cleans = plant.period, plant.conditioning > 0.0 or plant.recovered_coefficient > 0.0
+    period, cleaning = plant.period, cleans(plant)
     speed = abs(y[bodies])
     for b in range(bodies + 1, 2 * bodies):
         speed = min(speed, abs(y[b]))
@@ -354,7 +361,7 @@ def advance(
     for s in range(steps):
         now = t + s * h
         respond(now, brakes, asked, period)
-        if cleans:
+        if cleaning:
             read_rail(y, axles, rail, plant.cleaning_spacing)
         for r in range(y.size):
             stage[r] = end[r] = y[r]
@@ -368,7 +375,7 @@ def advance(
             for r in range(y.size):
                 end[r] += share * h * slope[r]
                 stage[r] = y[r] + reach * h * slope[r]
-        if cleans:
+        if cleaning:
             clean_rail(end, y, axles, bodies, omega, friction, h, rail, plant)
         for r in range(y.size):  # what is left of a standstill no processor computes fast
             y[r] = end[r] if abs(end[r]) > SMALLEST else 0.0

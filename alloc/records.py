@@ -10,10 +10,10 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache
-from inspect import getsource
+from inspect import getfile
 from itertools import pairwise
+from linecache import getlines
 from numbers import Real
-from textwrap import dedent
 from typing import Any, ClassVar, Literal, NamedTuple, get_args, get_origin
 
 from alloc.errors import InputError, PlantError
@@ -136,6 +136,13 @@ class Meaning(NamedTuple):
 
 
 @cache
+def _classes(file: str) -> dict[str, ast.ClassDef]:
+    """The classes of a file, which is read once; `inspect.getsource` reads it for each of them."""
+    nodes = ast.walk(ast.parse("".join(getlines(file))))
+    return {one.name: one for one in nodes if isinstance(one, ast.ClassDef)}
+
+
+@cache
 def meanings(kind: type) -> dict[str, Meaning]:
     """Meaning of every field of a class, its bases' included. The source is the field's own, else that of its class."""
     found: dict[str, Meaning] = {}
@@ -144,10 +151,10 @@ def meanings(kind: type) -> dict[str, Meaning]:
             continue
         of_class = meant(base.__dict__.get("__doc__") or "").source
         try:
-            body = ast.parse(dedent(getsource(base))).body[0].body  # type: ignore[attr-defined]
-        except (TypeError, OSError):  # made at run time: it has no source
+            stated = _classes(getfile(base)).get(base.__name__)
+        except (TypeError, OSError):  # it has no source
             continue
-        for one, said in pairwise(body):  # a field, and the string that follows it
+        for one, said in pairwise(stated.body if stated else ()):  # a field, and the string below
             if (
                 isinstance(one, ast.AnnAssign)
                 and isinstance(said, ast.Expr)

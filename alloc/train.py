@@ -229,6 +229,11 @@ class Car(PlantRecord):
         return self.mass + self.load
 
     @property
+    def inertia(self) -> float:
+        """Of all its wheelsets at the wheel [kg m2]."""
+        return len(self.axle_positions) * self.wheel_inertia
+
+    @property
     def powered(self) -> tuple[bool, ...]:
         """Whether each axle has a motor."""
         return self.driven or (self.motors is not None,) * len(self.axle_positions)
@@ -370,10 +375,7 @@ class Train(PlantRecord):
     @property
     def rotating_mass(self) -> float:
         """Mass [kg] that the inertia of the wheelsets adds to a train that rolls without slip."""
-        each = (
-            len(car.axle_positions) * car.wheel_inertia / car.wheel_radius**2 for car in self.cars
-        )
-        return sum(each)
+        return sum(car.inertia / car.wheel_radius**2 for car in self.cars)
 
     def reversed(self) -> "Train":
         """The same train running in the other direction: rearmost car first, each car reversed."""

@@ -123,14 +123,12 @@ def keys_of(record: Any, *names: str) -> Any:
         if inner:
             table: Any = keys_of(inner, *filter(None, (one.partition(".")[2] for one in own)))
             several: Any = Annotated[tuple.__class_getitem__((table, ...)), Field(max_length=1000)]
-            optional = item.type == inner | None
-            found[item.name] = (
-                (table | None, None)
-                if optional
-                else (table, table())
-                if inner is item.type
-                else (several, ())
-            )
+            if item.type is inner:
+                found[item.name] = (table, table())
+            elif item.type == inner | None:
+                found[item.name] = (table | None, None)
+            else:
+                found[item.name] = (several, ())
             continue
         stated: Any = item.type
         of_file = next(one for one in UNITS if one.symbol == (unit or "1"))

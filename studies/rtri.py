@@ -158,9 +158,7 @@ def record(test: RunningTest, train: Train, day: int | None) -> Measured:
         return np.asarray(sosfilt(sections, values, axis=0, zi=start)[0][::every])
 
     foremost = np.cumsum([0, *(car.brake_groups for car in train.cars[:-1])])
-    inertia, radius = np.array(
-        [[len(car.axle_positions) * car.wheel_inertia, car.wheel_radius] for car in train.cars]
-    ).T
+    inertia, radius = np.array([[car.inertia, car.wheel_radius] for car in train.cars]).T
     of_car = run["axle_car"].values[:, None] == np.arange(run.sizes["car"])
     turning = inertia / radius**2 * run["car_acceleration"].values
     truth, bare = -run["rail_force"].values @ of_car - turning, run["car_mass"].values

@@ -208,7 +208,7 @@ def perturb_observe(unit, axles, memory, run):
 
 STEEPEST = Table(
     "steepest-gradient",
-    **tuned(SEARCH, interval=0.3),
+    **SEARCH | {"interval": replace(INTERVAL["interval"], default=0.3, source=ASSUMED)},
     gain=Column(0.15, "m2 s-2", "move over the slope of the curve", source=TUNED),
     least=Column(0.017, "m s-1", "least move", source=TUNED),
     largest=Column(0.06, "m s-1", "largest move", source=TUNED),
@@ -308,8 +308,7 @@ def predict(m, torque, pull, period):
     step = pull / (1.0 + pull * max(x[2] * slope, 0.0))
     a, b = step * x[2] * slope, step * value
     x[0] += step * (torque - x[2] * value)
-    # the rim's row of the Jacobian is (1 - a, a, -b), the others are the identity's
-    for j in range(3):
+    for j in range(3):  # the rim's row of the Jacobian is (1 - a, a, -b), others the identity's
         p[j] += a * (p[3 + j] - p[j]) - b * p[6 + j]
     for i in range(3):
         p[3 * i] += a * (p[3 * i + 1] - p[3 * i]) - b * p[3 * i + 2]

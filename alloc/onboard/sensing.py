@@ -79,7 +79,7 @@ def read_axles(y, noise, axles, units, omega, torque, onboard, run):
     of those that roll; and whether the latter are of an eased unit.
     """
     force, least, eased, likely, h = 0.0, math.inf, math.inf, math.inf, run.period
-    verge = False
+    verge, quantum = False, onboard.speed_quantum
     for u in units:
         verge = verge or (u.torque_command < LIMITING * u.torque_target and not run.braking)
         u.rim, u.unseen, u.seen, u.worst_slip, u.returns = 0.0, 0.0, 0, -math.inf, 0
@@ -89,10 +89,8 @@ def read_axles(y, noise, axles, units, omega, torque, onboard, run):
         a.reading, seen = run.reference_speed, is_seen(a, run.time)
         if seen:
             a.reading = rim + noise[i]
-            if onboard.speed_quantum > 0.0:
-                a.reading = (
-                    math.floor(a.reading / onboard.speed_quantum + 0.5) * onboard.speed_quantum
-                )
+            if quantum > 0.0:
+                a.reading = math.floor(a.reading / quantum + 0.5) * quantum
             ahead = run.sign * (a.reading - run.reference_speed)
             a.ahead += h / MEAN_TIME * (ahead - a.ahead)
             least = min(least, a.ahead)
@@ -211,12 +209,10 @@ def detect(u, onboard, run):
     u.filtered += advance
     u.computed_acceleration = run.sign * advance / run.period
     was = u.slipping
-    if u.computed_acceleration > onboard.detector_on or u.worst_slip > onboard.detector_speed_on:
+    speed_on = onboard.detector_speed_on
+    if u.computed_acceleration > onboard.detector_on or u.worst_slip > speed_on:
         u.slipping = 1
-    elif (
-        u.computed_acceleration <= onboard.detector_off
-        and u.worst_slip < 0.5 * onboard.detector_speed_on
-    ):
+    elif u.computed_acceleration <= onboard.detector_off and u.worst_slip < 0.5 * speed_on:
         u.slipping = 0
     if u.slipping and run.driver_command != 0.0:
         u.slipped = run.time

@@ -56,13 +56,9 @@ def asked_by(a, slide, run):
         return RELEASE
     ratio = behind / max(abs(speed), abs(a.reading), LEAST_SPEED)
     if slide.protection == THRESHOLD:
-        return (
-            RELEASE
-            if ratio > slide.threshold_release
-            else HOLD
-            if ratio > slide.threshold_hold
-            else SUPPLY
-        )
+        if ratio > slide.threshold_release:
+            return RELEASE
+        return HOLD if ratio > slide.threshold_hold else SUPPLY
     s, slip, rates = slide.fuzzy_sensitivity, slide.fuzzy_slip, slide.fuzzy_rate
     return law.fuzzy_valve(
         s * ratio, s * rate, slip[0], slip[1], slip[2], rates[0], rates[1], rates[2]
