@@ -253,8 +253,8 @@ def rms(values: Floats) -> float:
 
 def errors(m: Measured, e: Estimated) -> Row:
     """Error of the wagons' sum in the window: at an instant and of the mean, by the report's rule and with the remedies."""
-    w, true, known = e.window, m.wagons(), (m.acceleration, m.coupler, m.mass, PERIOD)
-    smooth = smooth_brake_forces(*known, ACCELERATION_NOISE, COUPLER_NOISE, resistance=m.resistance)
+    w, true, known = e.window, m.wagons(), (m.acceleration, m.coupler, m.mass)
+    smooth = smooth_brake_forces(*known, ACCELERATION_NOISE, COUPLER_NOISE, m.resistance)
     smoothed = smooth[:, 1:].sum(axis=1)
     row: Row = {"mean": e.wagons[w].mean() / 1e3, "force": true[w].mean() / 1e3}
     for key, found in (("first", e.wagons), ("own", e.own), ("smooth", smoothed)):

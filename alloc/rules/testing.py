@@ -27,10 +27,12 @@ class Law(NamedTuple):
     name: str
     meaning: str
     amount: Callable[[Any, Any], float]
-    cases: Sequence[Any]
-    """Of rules: the kind of problems, see `problems`."""
+    cases: Sequence[Any] = ()
     allowed: float = 0.0
+    kind: str = "bounded"
+    """Of the problems that a rule is asked, see `problems`; they are its cases."""
     promises: tuple[str, ...] = PROMISES
+    """Of the rules that keep it."""
 
 
 def check(part: Any, name: str, laws: Sequence[Law], tolerance: float) -> dict[str, float]:
@@ -154,18 +156,19 @@ def _optimal(rule: Rule, problem: AllocationProblem) -> float:
     return max(apart, optimality(problem, found, 1e-6).worst / problem.expected)
 
 
+AIMS = ("exact", "effort")
 LAWS = (
-    Law("answer", "one limit per unit, none beyond its torque limit; what they lack; no failure", _answer, "bounded"),
-    Law("case", "A where the caps do not allow more than the plan, else B", _case, "plain"),
-    Law("repeatable", "one problem has one answer, whatever is asked between", _repeatable, "bounded"),
-    Law("rows", "the law on rows, compiled and plain, answers as the rule does", _rows, "bounded"),
-    Law("scale", "twice the coefficients, twice the limits; only ratios of masses count", _scaled, "bounded"),
-    Law("order", "units in another order have their own limits", _order, "bounded", 0.0, ("exact", "effort")),
-    Law("effort", "up to their caps limits give the plan, or what bounds allow", _effort, "bounded", 0.0,
-        ("exact", "effort")),
-    Law("reference", "within caps, no less than they allow, no more than the patent's rule", _reference, "growing", 0.0,
-        ("exact", "reference")),
-    Law("optimal", "conditions of optimality, and the distance from the optimum", _optimal, "rated", 0.0, ("exact",)),
+    Law("answer", "one limit per unit, none beyond its torque limit; what they lack; no failure", _answer),
+    Law("case", "A where the caps do not allow more than the plan, else B", _case, kind="plain"),
+    Law("repeatable", "one problem has one answer, whatever is asked between", _repeatable),
+    Law("rows", "the law on rows, compiled and plain, answers as the rule does", _rows),
+    Law("scale", "twice the coefficients, twice the limits; only ratios of masses count", _scaled),
+    Law("order", "units in another order have their own limits", _order, promises=AIMS),
+    Law("effort", "up to their caps limits give the plan, or what bounds allow", _effort, promises=AIMS),
+    Law("reference", "within caps, no less than they allow, no more than the patent's rule", _reference,
+        kind="growing", promises=("exact", "reference")),
+    Law("optimal", "conditions of optimality, and the distance from the optimum", _optimal, kind="rated",
+        promises=("exact",)),
 )  # fmt: skip
 
 
@@ -179,5 +182,5 @@ def check_rule(
     if not isinstance(rule, Rule):
         rule = Rule(getattr(rule, "__name__", "own rule"), "", answer=rule)
     kept = [one for one in LAWS if rule.promise in one.promises]
-    laws = [one._replace(cases=list(problems(str(one.cases), examples))) for one in kept]
+    laws = [one._replace(cases=list(problems(one.kind, examples))) for one in kept]
     return check(rule, rule.name, laws, tolerance)
