@@ -49,6 +49,7 @@ from studies import compare as _compare
 from studies.catalogue import find_study as _find_study
 from studies.core import StudyError as _StudyError
 from studies.core import run_study as _run_study
+from studies.plugins import refresh as _refresh
 from studies.plugins import try_own_parts as _try_own_parts
 from studies.runs import recorded as _recorded
 from studies.scenario import Scenario
@@ -122,6 +123,7 @@ def compare(
     if seeds is not None:
         _check("seeds", seeds, 1)
     _check("jobs", jobs, 1)
+    _refresh()
     chosen = [_scenario(one) for one in _several("scenarios", scenarios, _Path, Scenario)]
     grid = _compare.grid(
         chosen, _several("rules", rules), _several("controllers", controllers), seeds
@@ -150,6 +152,7 @@ def sweep(
         ("jobs", jobs, 1),
     ):
         _check(option, value, least)
+    _refresh()
     study = _find_study(str(name))
     with _tempfile.TemporaryDirectory() as folder:
         rows = _run_study(study, out or folder, events, seed, jobs)
@@ -173,6 +176,7 @@ def rank(
     """
     _check("events", events or 1, 1)
     _check("jobs", jobs, 1)
+    _refresh()
     pairs = _benchmark.pairs_of(str(part), under)
     if len(pairs) > 1:
         raise _StudyError(f"{part}: it registers several parts; give the name of one")

@@ -1,7 +1,8 @@
 """Compiled code: one decorator, and Numba's cache in a private folder that is named by the sources.
 
-A cached function does not notice a change in another file, so every state of `alloc` and `mpc` has a folder of its own. What
-lies there is run: the folder and all above it must be writable by its owner alone, else nothing is kept.
+A cached function does not notice a change in another file, so every state of `alloc` and `mpc` has a folder of its own, and
+code of other files is compiled in each process. What lies there is run: the folder and all above it must be writable by its
+owner alone, else nothing is kept.
 """
 
 import hashlib
@@ -15,17 +16,21 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import llvmlite
 import numba
+import numpy
 
-ROOT = Path(__file__).parents[1]
+ROOT, PACKAGES = Path(__file__).parents[1], ("alloc", "mpc")
+"""Where the project lies, and the packages whose compiled code is kept."""
 KEPT = 30 * 24 * 3600.0
 """Folders of other sources are deleted when nobody has used them for this time [s]."""
 
 
 def _sources() -> str:
     """Hash of everything that compiled code can depend on."""
-    digest = hashlib.sha256(f"{sys.version} {numba.__version__}".encode())
-    for path in sorted(one for name in ("alloc", "mpc") for one in (ROOT / name).rglob("*.py")):
+    libraries = [f"{one.__name__} {one.__version__}" for one in (numba, llvmlite, numpy)]
+    digest = hashlib.sha256("\n".join([sys.version, *libraries]).encode())
+    for path in sorted(one for name in PACKAGES for one in (ROOT / name).rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -86,14 +91,21 @@ def jit(*signature: Any) -> Any:
 
 
 def _options(function: Any) -> dict[str, Any]:
-    """Of what was typed at a prompt nothing is kept: Numba names what it keeps after the function's file."""
-    return _KEPT | {"cache": _KEPT["cache"] and os.path.isfile(function.__code__.co_filename)}
+    """Only code of `PACKAGES` is kept: any other may hold numbers of files that the folder's name does not know of."""
+    file = Path(function.__code__.co_filename)
+    return _KEPT | {
+        "cache": _KEPT["cache"] and any(ROOT / name in file.parents for name in PACKAGES)
+    }
 
 
-part: Any = numba.njit(inline="always", **_KEPT)
-"""Decorator of a part of one or two compiled functions, which Numba writes into them: handing a world down takes time."""
-inlined: Any = numba.njit(forceinline=True, **_KEPT)
-"""Decorator of a function that LLVM writes into those that call it; where a call might fail, they count references."""
+def part(function: Any) -> Any:
+    """Decorator of a part of one or two compiled functions, which Numba writes into them, as a call takes time."""
+    return numba.njit(inline="always", **_options(function))(function)
+
+
+def inlined(function: Any) -> Any:
+    """Decorator of a function that LLVM writes into those that call it; where a call might fail, they count references."""
+    return numba.njit(forceinline=True, **_options(function))(function)
 
 
 @numba.njit(**_KEPT)

@@ -317,72 +317,82 @@ def _torque_fluctuation(run: Run) -> float:
     return float(np.sqrt((rest**2).mean()))
 
 
+def of_run(
+    name: str, unit: str, better: int, within: tuple[float, float], description: str, function: Callable[[Run], Any]
+) -> Metric:  # fmt: skip
+    """A metric of what follows from a `Run`."""
+
+    def measure(run: Any) -> float:
+        return float(function(run if isinstance(run, Run) else Run(run)))
+
+    return Metric(name, unit, description, measure, better, within)
+
+
 # Every metric: name, unit, whether more or less is better, range, meaning, function of a `Run`. Excess over the least damage
 # may be a little below 0: wheels that change their speed are not in balance. The best course of a whole event is never above
 # the plan; it has one marginal cost over units and time: effort goes where it is cheap.
 
-_METRICS: tuple[tuple[str, str, int, tuple[float, float], str, Callable[[Run], Any]], ...] = (
+_METRICS = (
     # effort and adhesion
-    ("bound_use", "1", +1, SHARE, "effort, at each instant within 0 and the bound, over the most that rail and motors allow",
+    of_run("bound_use", "1", +1, SHARE,
+     "effort, at each instant within 0 and the bound, over the most that rail and motors allow",
      lambda run: share(np.clip(run.bounds.force, 0.0, run.bounds.bound), run.bounds.bound)),
-    ("bound", "1", 0, SHARE, "the most that rail and motors allow, at most the plan, over the plan",
+    of_run("bound", "1", 0, SHARE, "the most that rail and motors allow, at most the plan, over the plan",
      lambda run: share(run.bounds.bound, run.bounds.plan)),
-    ("headroom", "1", 0, SHARE, "share of the plan that only sharing between units can reach",
+    of_run("headroom", "1", 0, SHARE, "share of the plan that only sharing between units can reach",
      lambda run: share(run.bounds.bound - run.bounds.apart, run.bounds.plan)),
-    ("over_delivery", "1", -1, NEVER_NEGATIVE, "effort beyond the plan, relative to it",
+    of_run("over_delivery", "1", -1, NEVER_NEGATIVE, "effort beyond the plan, relative to it",
      lambda run: share(np.maximum(run.bounds.force - run.bounds.plan, 0.0), run.bounds.plan)),
-    ("utilisation", "1", +1, EITHER_WAY, "adhesion used: rail force over the force available to acting axles", _utilisation),
-    ("effort_ratio", "1", +1, UNLIMITED, "rail force of the acting axles over what accelerates the train as asked for",
+    of_run("utilisation", "1", +1, EITHER_WAY,
+     "adhesion used: rail force over the force available to acting axles", _utilisation),
+    of_run("effort_ratio", "1", +1, UNLIMITED, "rail force of the acting axles over what accelerates the train as asked for",
      _effort_ratio),
-    ("acceleration_ratio", "1", +1, UNLIMITED,
+    of_run("acceleration_ratio", "1", +1, UNLIMITED,
      "acceleration reached, relative to the plan; running resistance and gradients count as loss",
      lambda run: share(run.gain[run.demand], np.abs(run.command[run.demand]))),
-    ("energy", "MJ", 0, UNLIMITED, "work of the motors at the wheels",
+    of_run("energy", "MJ", 0, UNLIMITED, "work of the motors at the wheels",
      lambda run: (run["motor_work"][-1] - run["motor_work"][0]) / 1e6),
-    ("distance", "m", 0, UNLIMITED, "distance run until the end, or until the target speed; nan where that is not reached",
+    of_run("distance", "m", 0, UNLIMITED,
+     "distance run until the end, or until the target speed; nan where that is not reached",
      lambda run: run["position"][run.end] - run["position"][0] if run.end >= 0 else math.nan),
-    ("time_to_speed", "s", -1, NEVER_NEGATIVE, "time from the first demand to the target speed", _time_to_speed),
-    ("time_lost", "s", -1, UNLIMITED,
+    of_run("time_to_speed", "s", -1, NEVER_NEGATIVE, "time from the first demand to the target speed", _time_to_speed),
+    of_run("time_lost", "s", -1, UNLIMITED,
      "time lost in pulling to the last speed, against the same train on rail that carries everything",
      lambda run: _lost(run, 1.0)),
-    ("distance_lost", "m", -1, UNLIMITED,
+    of_run("distance_lost", "m", -1, UNLIMITED,
      "way lost in braking to the last speed, against the same train on rail that carries everything",
      lambda run: _lost(run, -1.0, np.abs(run["speed"]))),
     # slip, damage, ride
-    ("slip_time", "s", -1, NEVER_NEGATIVE, "time spent slipping, summed over axles",
+    of_run("slip_time", "s", -1, NEVER_NEGATIVE, "time spent slipping, summed over axles",
      lambda run: (run.slip > SLIP_FACTOR * run["peak_slip"]).sum() * run.period),
-    ("slip_peak", "m/s", -1, NEVER_NEGATIVE, "largest slip velocity of any axle", lambda run: run.slip.max()),
-    ("locked_time", "s", -1, NEVER_NEGATIVE, "time that wheels stood above 5 km/h, summed over axles", _locked_time),
-    ("damage", "kJ", -1, NEVER_NEGATIVE,
+    of_run("slip_peak", "m/s", -1, NEVER_NEGATIVE, "largest slip velocity of any axle", lambda run: run.slip.max()),
+    of_run("locked_time", "s", -1, NEVER_NEGATIVE, "time that wheels stood above 5 km/h, summed over axles", _locked_time),
+    of_run("damage", "kJ", -1, NEVER_NEGATIVE,
      "wheel damage Q: work dissipated between wheels and rail, JP4209318 (28), for driving too",
      lambda run: float((run["friction_work"][-1] - run["friction_work"][0]).sum()) / 1e3),
-    ("excess_damage", "1", -1, EXCESS,
+    of_run("excess_damage", "1", -1, EXCESS,
      "wheel damage Q of driven axles over the least of the same effort at each instant, less 1",
      lambda run: run.fronts.excess(run.fronts.force) if run.fronts else math.nan),
-    ("event_excess", "1", -1, EXCESS,
+    of_run("event_excess", "1", -1, EXCESS,
      "wheel damage Q of driven axles over the least of the same impulse in the whole event, less 1",
      lambda run: run.fronts.excess(run.fronts.best_course()) if run.fronts else math.nan),
-    ("jerk_rms", "m/s3", -1, NEVER_NEGATIVE, "jerk of the worst car, root mean square under demand",
+    of_run("jerk_rms", "m/s3", -1, NEVER_NEGATIVE, "jerk of the worst car, root mean square under demand",
      lambda run: np.sqrt((run.jerk**2).mean(axis=0)).max() if run.jerk.size else math.nan),
-    ("jerk_peak", "m/s3", -1, NEVER_NEGATIVE, "largest jerk of any car under demand",
+    of_run("jerk_peak", "m/s3", -1, NEVER_NEGATIVE, "largest jerk of any car under demand",
      lambda run: np.abs(run.jerk).max() if run.jerk.size else math.nan),
-    ("coupler_peak", "kN", -1, NEVER_NEGATIVE, "largest coupler force; nan for a rigid train",
+    of_run("coupler_peak", "kN", -1, NEVER_NEGATIVE, "largest coupler force; nan for a rigid train",
      lambda run: float(np.abs(run["coupler_force"]).max()) / 1e3 if run["coupler_force"].any() else math.nan),
-    ("torque_fluctuation", "1", -1, NEVER_NEGATIVE, "rms of the motors' torques about their 1 s mean, over the plan's",
+    of_run("torque_fluctuation", "1", -1, NEVER_NEGATIVE, "rms of the motors' torques about their 1 s mean, over the plan's",
      _torque_fluctuation),
-    ("rule_failures", "1", -1, NEVER_NEGATIVE, "calls in which the rule's solver failed",
+    of_run("rule_failures", "1", -1, NEVER_NEGATIVE, "calls in which the rule's solver failed",
      lambda run: run.attrs["rule_failures"]),
-    ("controller_failures", "1", -1, NEVER_NEGATIVE, "steps in which a controller's solver failed",
+    of_run("controller_failures", "1", -1, NEVER_NEGATIVE, "steps in which a controller's solver failed",
      lambda run: run.attrs["controller_failures"]),
 )  # fmt: skip
 
 
-def _measure(function: Callable[[Run], Any]) -> Measure:
-    return lambda run: float(function(run if isinstance(run, Run) else Run(run)))
-
-
-for _name, _unit, _better, _within, _meaning, _function in _METRICS:
-    METRICS.register(_name, Metric(_name, _unit, _meaning, _measure(_function), _better, _within))
+for _metric in _METRICS:
+    METRICS.register(_metric.name, _metric)
 damage, distance, locked_time = (
     METRICS[one].function for one in ("damage", "distance", "locked_time")
 )

@@ -1,6 +1,7 @@
 """Parts of one kind by name: rules, controllers, curves, metrics, trains."""
 
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from typing import Any, ClassVar, Generic, TypeVar
@@ -15,11 +16,14 @@ OWN = ("alloc", "mpc")
 class Registry(Mapping[str, Part], Generic[Part]):
     """Name -> part of one `kind`, in the order in which they were registered."""
 
-    registered: ClassVar[list[str]] = []
-    """Modules that have registered a part of any kind, once for each."""
+    registered: ClassVar[dict[str, float]] = {}
+    """Modules that have registered a part of any kind, with the time of the last one [s since 1970]."""
+    every: ClassVar[list["Registry[Any]"]] = []
+    """All registries."""
 
     def __init__(self, kind: str) -> None:
         self.kind = kind
+        self.every.append(self)
         self._parts: dict[str, Part] = {}
         self._origins: dict[str, str] = {}
 
@@ -35,8 +39,13 @@ class Registry(Mapping[str, Part], Generic[Part]):
                 f"{self.kind} {name!r} exists already, from {taken}; choose another name"
             )
         self._parts[name], self._origins[name] = part, origin
-        self.registered.append(origin)
+        self.registered[origin] = time.time()
         return part
+
+    def forget(self, origin: str) -> None:
+        """Take out what comes from a module, before it is loaded again."""
+        for name in [name for name, module in self._origins.items() if module == origin]:
+            del self._parts[name], self._origins[name]
 
     def find(self, name: str) -> Part:
         """The part called `name`; raises `InputError` with the nearest name for one that does not exist."""

@@ -9,3 +9,7 @@ class StudyError(InputError):
 
 class WorkerLost(RuntimeError):
     """A worker ended before its work did; what was computed is kept."""
+
+
+class SourcesChanged(WorkerLost):
+    """A process has loaded other sources than rows would be known by: a fault of the place, and no result of a cell."""

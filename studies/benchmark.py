@@ -6,7 +6,7 @@ theirs at other values. The rows are stored in the repository, so that a part of
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -136,7 +136,6 @@ def store(rows: pd.DataFrame, path: Path) -> None:
     write_whole(path, partial(small.to_parquet, index=False, compression="zstd"))
 
 
-@cache
 def stored() -> pd.DataFrame:
     """The stored rows; `attrs` say what computed them. Raises `StudyError` where there are none."""
     for one in STORED:

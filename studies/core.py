@@ -9,6 +9,7 @@ import json
 import multiprocessing
 import os
 import pickle
+import platform
 import signal
 import sys
 import threading
@@ -27,9 +28,9 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
 from alloc.files import write_whole
-from studies import StudyError, WorkerLost
+from studies import SourcesChanged, StudyError, WorkerLost
 from studies.plugins import load_plugins, loaded_files
-from studies.row_key import key_of
+from studies.row_key import ROWS, folder_hash, key_of, read_anew
 from studies.statistics import Statement, statement_table, told
 
 if TYPE_CHECKING:
@@ -83,14 +84,13 @@ class Study:
 
     def keyed(self, events: int | None, seed: int | None) -> dict[str, Cell]:
         """The cells of so many events of this seed, by their keys; None stands for the study's own."""
+        read_anew()
         cells = self.cells(events or self.events, self.seed if seed is None else seed)
         return {key_of(self.run, one.args, one.sources): one for one in cells}
 
 
 # rows that are kept
 
-ROWS = "rows.jsonl"
-"""File of a study's folder: a line for each cell that was run, with its key and its rows; it is only added to."""
 BOOKKEEPING = ("cell", "name", "status", "reason", "wall_time", "batch")
 """Columns that every row has: its cell's key and name; ok, failed or degraded, and why; seconds; when it was made [ns]."""
 
@@ -142,12 +142,14 @@ def _done(
     """Rows of each task as it is done: by this process, by processes of this machine, or by a Dask cluster."""
     files = loaded_files()
     if scheduler is None and jobs == 1:
-        yield from (_do(one, files) for one in tasks)
+        yield from map(_do, tasks)
         return
     with _processes(jobs) if scheduler is None else _cluster(scheduler) as pool:
-        for one in as_completed([pool.submit(_do, task, files) for task in tasks]):
+        for one in as_completed([pool.submit(_load_and_do, task, files) for task in tasks]):
             try:
                 yield one.result()
+            except WorkerLost:
+                raise
             # what a cell raises is a row: a worker was lost, or what it was given
             except Exception as error:
                 raise WorkerLost(
@@ -253,9 +255,15 @@ def run_study(
     return found if len(found) else pd.DataFrame(columns=list(BOOKKEEPING))
 
 
-def _do(task: bytes, plugins: Sequence[str]) -> dict[str, list[Row]]:
-    """The rows of some cells by their keys. What goes wrong in a cell is its row."""
+def _load_and_do(task: bytes, plugins: Sequence[str]) -> dict[str, list[Row]]:
+    """The same in a worker, which may live longer than a user's files stay as they are."""
     load_plugins(plugins)  # before their functions are unpickled
+    return _do(task)
+
+
+def _do(task: bytes) -> dict[str, list[Row]]:
+    """The rows of some cells by their keys. What goes wrong in a cell is its row; a fault of the place is raised."""
+    folder_hash.cache_clear()
     run, cells = pickle.loads(task)
     found = {}
     for key, cell in cells:
@@ -263,10 +271,20 @@ def _do(task: bytes, plugins: Sequence[str]) -> dict[str, list[Row]]:
         rows: list[Row]
         try:
             if key_of(run, cell.args, cell.sources) != key:
-                raise StudyError("the sources changed while the study ran; run it again")
+                raise SourcesChanged(
+                    f"process {os.getpid()} on {platform.node()} has other sources than the program that asked: they changed "
+                    "meanwhile; or a part has no file that is loaded as a plug-in, then give jobs = 1; or workers of a "
+                    "cluster are old, then start new ones. What was computed is kept"
+                )
             with redirect_stdout(sys.stderr):  # where a part prints; stdout is for results
                 made = run(*cell.args)
             rows = made if isinstance(made, list) else [made]
+        except WorkerLost:
+            raise
+        except MemoryError as error:
+            raise WorkerLost(
+                f"{in_one_line(error)}; what was computed is kept: run again with fewer jobs"
+            ) from None
         except Exception as error:
             at = traceback.extract_tb(error.__traceback__)[-1]
             place = f"{Path(at.filename).name}:{at.lineno}"

@@ -1,7 +1,10 @@
 """Plug-ins: Python files that register parts of a user's own, or a train as TOML, loaded in every process of a study."""
 
 import hashlib
+import importlib
+import linecache
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
@@ -17,11 +20,14 @@ from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.registry import Registry
 from alloc.rules import RULES, AllocationProblem, Rule
 from alloc.sets import SETS
+from studies.row_key import PASSED_OVER, files_beside, folder_hash
 
-PACKAGES = {"alloc", "mpc", "studies", "paper_figs"}
+PACKAGES = {"alloc", "mpc", "studies", "paper_figs", "readhesion"}
 """Packages of the project."""
 _loaded: dict[str, ModuleType] = {}
 """Module by file."""
+_hashes: dict[str, str] = {}
+"""Hash of a module's folder when it was loaded, by the module's name."""
 
 
 def loaded_files() -> tuple[str, ...]:
@@ -30,7 +36,8 @@ def loaded_files() -> tuple[str, ...]:
 
 
 def load_plugins(files: Iterable[str | Path]) -> list[ModuleType]:
-    """Load files that are not yet loaded; their modules. Raises `InputError` of one line that names the file."""
+    """Load files that are not yet loaded, or were edited; their modules. Raises `InputError` of one line with the file."""
+    refresh()
     return [
         _loaded.get(path) or _load(path) for path in (str(Path(one).resolve()) for one in files)
     ]
@@ -43,8 +50,8 @@ def _load(path: str) -> ModuleType:
     digest = hashlib.sha256(path.encode()).hexdigest()[:8]
     name = f"readhesion_plugin_{Path(path).stem.replace('-', '_')}_{digest}"
     module = sys.modules[name] = ModuleType(name)
-    module.__file__ = path
-    before = len(Registry.registered)
+    module.__file__, _hashes[name] = path, folder_hash(path)
+    started = time.time()
     sys.path.insert(0, str(Path(path).parent))  # its helpers lie beside it
     try:
         if path.endswith(".toml"):
@@ -55,7 +62,7 @@ def _load(path: str) -> ModuleType:
         else:
             with redirect_stdout(sys.stderr):  # stdout is for results
                 exec(compile(Path(path).read_bytes(), path, "exec"), vars(module))
-        makers = {one.partition(".")[0] for one in Registry.registered[before:]}
+        makers = {one.partition(".")[0] for one, at in Registry.registered.items() if at >= started}
         if makers <= PACKAGES and not hasattr(module, "STUDY"):
             raise InputError("it registers no part and has no STUDY")
     except (Exception, SystemExit) as error:
@@ -65,6 +72,52 @@ def _load(path: str) -> ModuleType:
         sys.path.remove(str(Path(path).parent))
     _loaded[path] = module
     return module
+
+
+def refresh() -> None:
+    """Load again each of the user's modules whose folder was edited since, and what it imports from there.
+
+    So what runs is what the keys of rows say. Raises `InputError` for a module that cannot be loaded any more.
+    """
+    folder_hash.cache_clear()
+    names = dict.fromkeys([*Registry.registered, *(one.__name__ for one in _loaded.values())])
+    edited = {name: _users_file(name) for name in names if _is_edited(name)}
+    for name, file in edited.items():
+        for registry in Registry.every:
+            registry.forget(name)
+        for helper in set(sys.modules) - set(edited):
+            path, folder = Path(_users_file(helper)), Path(file).parent
+            if folder in path.parents and not PASSED_OVER & {*path.relative_to(folder).parts}:
+                del sys.modules[helper]
+    for name, file in edited.items():
+        if _loaded.pop(file, None):
+            _load(file)
+            continue
+        try:
+            importlib.reload(sys.modules[name])
+        except (Exception, SystemExit) as error:
+            reason = f"was edited and cannot be loaded: {_said(error, file)}"
+            raise InputError(f"{file!r} {reason}") from None
+        _hashes[name] = folder_hash(file)
+    if edited:
+        from studies.runs import event_of
+
+        event_of.cache_clear()  # events hold curves
+        linecache.checkcache()
+
+
+def _users_file(name: str) -> str:
+    """File of a module of the user's; nothing where it has none, or is the program or the project itself."""
+    file = getattr(sys.modules.get(name), "__file__", None) or ""
+    return "" if name == "__main__" or name.partition(".")[0] in PACKAGES else file
+
+
+def _is_edited(name: str) -> bool:
+    file = _users_file(name)
+    if file and name not in _hashes:  # not loaded here, but imported
+        newest = max(path.stat().st_mtime for path in files_beside(file))
+        _hashes[name] = folder_hash(file) if newest < Registry.registered[name] else ""
+    return bool(file) and _hashes[name] != folder_hash(file)
 
 
 def _said(error: BaseException, path: str) -> str:

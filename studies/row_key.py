@@ -2,12 +2,16 @@
 
 A study is one file, and its table, its figure and its words change more often than what it computes. So of a module of
 `studies` only those definitions count that the function names, and those that these name, wherever they stand. Of `alloc`
-and `mpc` the whole package counts. Of a user's own file its whole folder counts: what helps it lies beside it.
+and `mpc` the whole package counts. Comments, docstrings, names of local variables and looks count nowhere in the project. Of
+a user's own file its whole folder counts: what helps it lies beside it.
+
+Of the project the sources count that this process has loaded. Files of users are read anew for each study.
 """
 
 import ast
 import hashlib
 import json
+import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -15,22 +19,31 @@ from dataclasses import asdict, is_dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 import numpy as np
 
 from alloc.compilation import ROOT
 from alloc.errors import InputError
+from studies import SourcesChanged
 
 OWN, BELOW = "studies", ("alloc", "mpc")
 """The package whose definitions are followed one by one, and those that count as they are."""
 LIBRARIES = ("numpy", "numba", "llvmlite", "casadi", "osqp", "cvxpy")
 """Installed packages whose versions count, beside that of Python."""
-DATA = (".csv", ".toml", ".npy", ".npz", ".mat", ".dat")
-"""Files that lie beside a user's own and that it may read; a study's own count where it names them."""
-PASSED_OVER = {"__pycache__", "site-packages", "node_modules"}
+DATA = (
+    ".csv", ".toml", ".npy", ".npz", ".mat", ".dat", ".json", ".txt", ".yaml", ".yml", ".ini", ".xml", ".xlsx", ".parquet",
+    ".h5", ".hdf5", ".pkl",
+)  # fmt: skip
+"""Files in the folder of a user's own that it may read; a study's own count where it names them."""
+PASSED_OVER = {"__pycache__", "site-packages", "node_modules", "results", "figures"}
+"""Folders that hold no source of a plug-in: of libraries, and of what the command writes."""
 MOST_FILES = 500
 """Files of a user's folder; beyond, it is no folder of one plug-in, and reading it all would take long."""
+
+ROWS = "rows.jsonl"
+"""File of a study's folder: a line for each cell that was run, with its key and its rows; it is only added to."""
 
 Name = tuple[str, str]
 """A module, and a name in it; or a data file."""
@@ -42,9 +55,21 @@ def key_of(run: Callable[..., Any], args: tuple[Any, ...], sources: tuple[str, .
     return _hash(text)
 
 
-@cache
 def decides(function: Callable[..., Any], modules: tuple[str, ...] = ()) -> str:
     """Hash of the sources behind `function` and of `modules`, which are beside it."""
+    code, files = _followed(function, modules)
+    return _hash("\n".join([code, *map(folder_hash, files)]))
+
+
+@cache
+def _followed(function: Callable[..., Any], modules: tuple[str, ...]) -> tuple[str, list[str]]:
+    """Hash of what counts of the project, and the files that count beside it.
+
+    Raises `SourcesChanged` where the project is not what this process has loaded.
+    """
+    if _project() != _LOADED:
+        advice = "start this process again, and of a cluster its workers"
+        raise SourcesChanged(f"{ROOT}: the project was edited since it was loaded; {advice}")
     seen: dict[Name, str] = {}
     others = set(modules)
     left: list[Name] = [(function.__module__, function.__qualname__.partition(".")[0])]
@@ -54,24 +79,45 @@ def decides(function: Callable[..., Any], modules: tuple[str, ...] = ()) -> str:
             others.add(module)
         elif (module, name) not in seen:
             nodes = _definitions(module).get(name, [])
-            seen[module, name] = "".join(map(ast.dump, nodes))
+            seen[module, name] = computed(*nodes)
             left += [one for node in nodes for one in _named_in(node, module)]
     packages = {top for one in others if (top := one.partition(".")[0]) in BELOW}
     files = {one if os.sep in one else str(getattr(sys.modules.get(one), "__file__", None) or "")
              for one in others if one.partition(".")[0] not in BELOW}  # fmt: skip
-    parts = [seen[one] for one in sorted(seen)] + [folder_hash(one) for one in sorted(files)]
-    return _hash("\n".join([*parts, *map(_package_hash, sorted(packages))]))
+    parts = [seen[one] for one in sorted(seen)]
+    return _hash("\n".join([*parts, *map(_package_hash, sorted(packages))])), sorted(files)
 
 
 @cache
 def _package_hash(name: str) -> str:
     """Hash of all that a package says, and of the libraries below it."""
-    files = sorted(one for one in (ROOT / name).rglob("*") if one.suffix in (".py", *DATA))
+    files = _files_of(name)
     said = [
-        ast.dump(_syntax(one)) if one.suffix == ".py" else one.read_bytes().hex() for one in files
+        computed(*_syntax(path).body) if path.suffix == ".py" else path.read_bytes().hex()
+        for path in files
     ]
     versions = ["{}.{}".format(*sys.version_info), *map(version, LIBRARIES)]
     return _hash("\n".join([*versions, *said]))
+
+
+def _files_of(name: str) -> list[Path]:
+    return sorted(path for path in (ROOT / name).rglob("*") if path.suffix in (".py", *DATA))
+
+
+def _project() -> str:
+    """Hash of the project's files as they are now."""
+    files = [path for name in (OWN, *BELOW) for path in _files_of(name)]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+_LOADED, _prompt = _project(), ""
+
+
+def read_anew() -> None:
+    """A study begins: files of users count as they are now, and what was typed at a prompt is new."""
+    global _prompt
+    _prompt = os.urandom(8).hex()
+    folder_hash.cache_clear()
 
 
 def _hash(text: str) -> str:
@@ -94,16 +140,56 @@ def _plain(value: Any) -> Any:
 # modules of this package, read as text
 
 
-class _Bare(ast.NodeTransformer):
-    """Takes away strings that stand alone, which are docstrings."""
-
-    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
-        return None if isinstance(node.value, ast.Constant) else node
+LOOKS = {"colour", "marker", "description"}
+"""Keywords that say how a part is shown."""
+WORDS = {
+    "Belief": (2,),
+    "Column": (2,),
+    "Rule": (1,),
+    "convex_rule": (),
+    "metric": (2,),
+    "of_run": (4,),
+    "register": (2, 4, 5),
+}
+"""What makes a part, and the places of arguments that say how the part is shown."""
 
 
 @cache
 def _syntax(path: Path) -> ast.Module:
-    return _Bare().visit(ast.parse(path.read_bytes() if path.is_file() else b""))
+    """The tree of a file, without strings that stand alone, which are docstrings, and without looks."""
+    tree = ast.parse(path.read_bytes() if path.is_file() else b"")
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and any(map(_is_bare, body)):
+            kept = [statement for statement in body if not _is_bare(statement)]
+            node.body = kept or [ast.copy_location(ast.Pass(), body[0])]  # type: ignore[attr-defined]
+        part = getattr(getattr(node, "func", None), "id", "")
+        if isinstance(node, ast.Call) and part in WORDS:
+            node.args = [x for k, x in enumerate(node.args) if k not in WORDS[part]]
+            node.keywords = [x for x in node.keywords if x.arg not in LOOKS]
+    return tree
+
+
+def _is_bare(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def computed(*nodes: ast.stmt) -> str:
+    """What statements compute, as text: their bytecode, which has numbers in place of the names of local variables."""
+    return _code(compile(ast.Module(list(nodes), []), "", "exec", dont_inherit=True))
+
+
+def _code(code: CodeType) -> str:
+    constants = [
+        _code(x)
+        if isinstance(x, CodeType)
+        else repr(sorted(map(repr, x)) if isinstance(x, frozenset) else x)
+        for x in code.co_consts
+    ]
+    # a caller may use the names of parameters, though not of a lambda's
+    named = 0 if code.co_name == "<lambda>" else code.co_argcount + code.co_kwonlyargcount
+    about = code.co_name, code.co_flags, code.co_names, code.co_varnames[:named]
+    return repr((*about, code.co_code, code.co_exceptiontable, constants))
 
 
 def path_of(module: str) -> Path:
@@ -162,22 +248,37 @@ def _named_in(node: ast.stmt, module: str) -> Iterator[Name]:
 
 @cache
 def folder_hash(file: str) -> str:
-    """Hash of a data file; of a Python file that of its folder: Python files at any depth, and data beside it.
+    """Hash of a data file; of a Python file that of all `files_beside` it.
 
-    An interactive session has no file, and its rows are never found again. Raises `InputError` for a folder of too many.
+    An interactive session has no file, and its rows are never found again. Raises `InputError` for a folder of too many,
+    `SourcesChanged` in a worker that has no such module.
     """
+    if not file and multiprocessing.parent_process():
+        raise SourcesChanged(
+            "a worker does not know a part that has no file, or whose file is no plug-in; give jobs = 1"
+        )
     if not file:
-        return os.urandom(8).hex()
-    if file.endswith(DATA):
-        return _hash(Path(file).read_bytes().hex())
-    folder, files = Path(file).parent, []
+        return _prompt
+    files = [Path(file)] if file.endswith(DATA) else files_beside(file)
+    return _hash("".join(f"{path} {path.read_bytes().hex()}" for path in files))
+
+
+def files_beside(file: str) -> list[Path]:
+    """What decides the rows of a user's Python file: Python files and data of its folder, at any depth.
+
+    Not what this process prints into, and no folder of rows. Raises `InputError` for a folder of too many.
+    """
+    printed = [os.fstat(number) for number in (1, 2)]
+    folder, files = Path(file).parent, list[Path]()
     for place, folders, names in os.walk(folder):
-        folders[:] = [one for one in folders if one not in PASSED_OVER and one[0] != "."]
-        endings = (".py", *DATA) if Path(place) == folder else (".py",)
-        files += [Path(place, one) for one in names if one.endswith(endings)]
+        folders[:] = [name for name in folders if name not in PASSED_OVER and name[0] != "."]
+        if ROWS not in names or Path(place) == folder:
+            files += [Path(place, name) for name in names if name.endswith((".py", *DATA))]
         if len(files) > MOST_FILES:
             raise InputError(
-                f"{file}: its folder has more than {MOST_FILES} Python files, and each may decide its rows; "
+                f"{file}: its folder has more than {MOST_FILES} Python and data files, and each may decide its rows; "
                 "move it to a folder of its own"
             )
-    return _hash("".join(f"{one} {one.read_bytes().hex()}" for one in sorted(files)))
+    return sorted(
+        path for path in files if not any(os.path.samestat(path.stat(), one) for one in printed)
+    )

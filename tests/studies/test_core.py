@@ -193,12 +193,17 @@ SOURCE = """
     class Rail:
         level: float = 0.1
 
-    def helper(x):
+    RULE = Rule("r", "what it does", colour="#000000", promise="effort")
+
+    def helper(x, least=0.0):
         "Says something."
-        return x * SIZE
+        total = max(x, least)
+        for k in range(3):
+            total += sum(k * part for part in range(k))
+        return total * SIZE
 
     def run(k):
-        return {"value": helper(k) + Rail.level + most}
+        return {"value": helper(k) + Rail.level + most, "rule": RULE}
 
     def figure(rows):
         return LABEL
@@ -227,8 +232,16 @@ original = sys.modules["studies.row_key"].path_of
     ('"axis"', '"other axis"', True),
     ("Says something", "Says more", True),
     ("return LABEL", "return LABEL + LABEL", True),
+    ("total", "mass", True),
+    ("part", "piece", True),
+    ("#000000", "#ffffff", True),
+    ("what it does", "what else it does", True),
     ("SIZE = 2", "SIZE = 3", False),
-    ("x * SIZE", "SIZE * x", False),
+    ("total * SIZE", "SIZE * total", False),
+    ("total +=", "total -=", False),
+    ("least=0.0", "least=0.5", False),
+    ("least", "lowest", False),
+    ('"effort"', '"exact"', False),
     ("0.1", "0.2", False),
     ("MOST_FILES", "DATA", False),
 ])  # fmt: skip
@@ -242,12 +255,12 @@ def test_a_users_file_counts_with_its_folder(tmp_path):
     plugin.write_text("import helper")
     found = []
     for name, text in (("helper.py", "A = 1"), ("helper.py", "A = 2"), ("curve.csv", "1,2"),
-                       ("results/table.csv", "9"), ("deeper/more.py", "B = 1")):  # fmt: skip
+                       ("results/table.csv", "9"), ("deeper/more.py", "B = 1"), ("deeper/x.json", "1")):  # fmt: skip
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
         folder_hash.cache_clear()
         found.append(folder_hash(str(plugin)))
-    assert [a == b for a, b in pairwise(found)] == [False, False, True, False]
+    assert [a == b for a, b in pairwise(found)] == [False, False, True, False, False]
 
 
 def test_tables_as_files(tmp_path):
