@@ -272,9 +272,9 @@ def _do(task: bytes) -> dict[str, list[Row]]:
         try:
             if key_of(run, cell.args, cell.sources) != key:
                 raise SourcesChanged(
-                    f"process {os.getpid()} on {platform.node()} has other sources than the program that asked: they changed "
-                    "meanwhile; or a part has no file that is loaded as a plug-in, then give jobs = 1; or workers of a "
-                    "cluster are old, then start new ones. What was computed is kept"
+                    f"process {os.getpid()} on {platform.node()} has other sources than the program that asked: "
+                    "they changed, or a part has no file that is loaded as a plug-in, then give jobs = 1; or workers "
+                    "of a cluster are old, then start new ones. What was computed is kept"
                 )
             with redirect_stdout(sys.stderr):  # where a part prints; stdout is for results
                 made = run(*cell.args)
