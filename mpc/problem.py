@@ -64,6 +64,13 @@ BELIEVED = Table(
     share=Column(1.0, ONE, "share c of the mass of all units"),
 )
 """What is believed of a unit; a row of it for each unit of a problem."""
+_ABOVE = {"pair_slip", "radius", "gear", "load", "inertia", "lag"}
+_LARGEST = np.finfo(float).max
+LEAST = np.array([5e-324 if name in _ABOVE else 0.0 if name in ("coefficient", "share") else -_LARGEST
+                  for name in BELIEVED.columns])  # fmt: skip
+MOST = np.array([np.inf if name in ("limit", "upper") else _LARGEST for name in BELIEVED.columns])
+"""Least and greatest value of each column for which the model is one."""
+LIMIT, ELASTICITY = map(list(BELIEVED.columns).index, ("limit", "elasticity"))
 
 
 class Weights(NamedTuple):
@@ -98,11 +105,29 @@ class Problem:
     def __post_init__(self) -> None:
         if self.curve not in ("line", "rational"):
             raise InputError(f"curve = {self.curve!r}: a problem has 'line' or 'rational'")
-        if self.horizon < 1 or not self.period > 0.0 or self.units.size < 1:
+        if self.horizon < 1 or not 0.0 < self.period < np.inf or self.units.size < 1:
             raise InputError(f"a problem needs a unit, a step and a period, not {self!r:.80}")
+        if not all(0.0 <= price < np.inf for price in self.weights):
+            raise InputError(f"{self.weights}: each must be a finite number, 0 or greater")
+        values = self.rows
+        wrong = ~((values >= LEAST) & (values <= MOST))
+        if self.curve == "rational":  # of another elasticity there is no such curve
+            wrong[:, ELASTICITY] |= np.abs(values[:, ELASTICITY]) >= 1.0
+        for j, k in np.argwhere(wrong)[:1]:
+            bound = {5e-324: "above 0", 0.0: "0 or greater"}.get(
+                LEAST[k], "finite; of a rational curve's elasticity, less than 1"
+            )
+            raise InputError(
+                f"unit {j}: {list(BELIEVED.columns)[k]} = {values[j, k]:g} must be {bound}"
+            )
         if len(self.couplers) and self.couplers.shape[1] != self.units.size:
             told = f"{self.couplers.shape[1]} columns for {self.units.size} units"
             raise InputError(f"couplers have {told}; give one per unit")
+
+    @property
+    def rows(self) -> Floats:
+        """The units as plain numbers, (m, columns)."""
+        return np.array(self.units.tolist(), dtype=float).reshape(self.units.size, -1)
 
 
 class Plan(NamedTuple):
@@ -115,7 +140,7 @@ class Plan(NamedTuple):
     cost: float
     """Cost [1]; nan where there is no solution."""
     solved: bool
-    """Whether the solver says so; else torques and slips are nan."""
+    """Whether the solver says so, and all numbers are finite and meet the conditions of optimality; else they are nan."""
 
 
 def solve(problem: Problem, solver: str = "daqp") -> Plan:
@@ -128,18 +153,22 @@ def solve(problem: Problem, solver: str = "daqp") -> Plan:
     if solver not in SOLVERS or (problem.curve == "rational" and solver != "ipopt"):
         known = "ipopt" if problem.curve == "rational" else ", ".join(SOLVERS)
         raise InputError(f"solver = {solver!r} for curve {problem.curve!r}: give one of {known}")
-    function = build(m, n, problem.curve, couplers, solver)
-    given = np.array(problem.units.tolist(), dtype=float).reshape(m, -1).T
+    u, w, given = problem.units, problem.weights, problem.rows.T
+    # else torques or slips may be exchanged at no cost
+    convex = min(u.share) > 0.0 and w.slip > 0.0 and (m == 1 or w.change + w.even > 0.0)
+    function = build(m, n, problem.curve, couplers, solver, convex)
+    given[LIMIT] = np.minimum(given[LIMIT], MOST_SLIP)
     numbers = [problem.period, *problem.weights]
     # of a solver that fails CasADi would print all it was given
     with interrupted_afterwards(), redirect_stderr(io.StringIO()):
         try:
-            u, s, cost = function(given, numbers, problem.couplers)
+            found = [np.asarray(part) for part in function(given, numbers, problem.couplers)]
         except RuntimeError:  # CasADi's answer to a solver that fails
-            nothing = np.full((m, n), np.nan)
-            return Plan(nothing, nothing, np.nan, False)
-        torque, slip = np.asarray(u) * torque_scale(problem.units)[:, None], np.asarray(s) * SLIP
-    return Plan(torque, slip, float(cost), bool(np.isfinite(torque).all()))
+            found = [np.full((m, n), np.nan)] * 2 + [np.full(1, np.nan)] * 2
+    torque, slip, cost, missed = found
+    if not (np.isfinite(torque).all() and np.isfinite(slip).all() and missed <= TOLERANCE):
+        return Plan(np.full((m, n), np.nan), np.full((m, n), np.nan), np.nan, False)
+    return Plan(torque * torque_scale(u)[:, None], slip * SLIP, float(cost.item()), True)
 
 
 def torque_scale(units: Any) -> Any:
@@ -219,11 +248,18 @@ SOLVERS: dict[str, dict[str, Any]] = {
     "ipopt": {"ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-10}},
 }
 """CasADi's names of solvers, and their options. DAQP: active set, exact; OSQP: ADMM; ipopt: interior points, any curve."""
+PROXIMAL = {"daqp": {"daqp": {"eps_prox": 1e-5}}}
+"""Options where the cost is not strictly convex: DAQP has no answer without. Where it is, torques would move by 3e-9."""
+TOLERANCE = 1e-5
+"""Residual of the conditions of Karush, Kuhn and Tucker that counts as none: of a constraint, over the size of a slope."""
+MOST_SLIP = 1e3
+"""Slip limit [m/s] that stands for none."""
 
 
 @lru_cache(maxsize=16)
-def build(m: int, n: int, curve: str, couplers: int, solver: str) -> Any:
-    """Function (rows of `BELIEVED` transposed, [period, weights], couplers) -> torques, slips over their scales, cost."""
+def build(m: int, n: int, curve: str, couplers: int, solver: str, convex: bool = True) -> Any:
+    """Function (rows of `BELIEVED` transposed, [period, weights], couplers) -> torques, slips over their scales, cost,
+    residuals of primal feasibility, stationarity and complementarity."""
     import casadi as cs
 
     opti = cs.Opti() if solver == "ipopt" else cs.Opti("conic")
@@ -251,8 +287,19 @@ def build(m: int, n: int, curve: str, couplers: int, solver: str) -> Any:
         opti.subject_to(slips[k] - over[:, k] <= unit.limit.T / SLIP)
         before = u[:, k]
     opti.minimize(cost)
-    opti.solver(solver, {"print_time": False, **SOLVERS[solver]})
-    return opti.to_function("problem", [rows, numbers, tension], [u, cs.horzcat(*slips), cost])
+    options = SOLVERS[solver] if convex else PROXIMAL.get(solver, SOLVERS[solver])
+    opti.solver(solver, {"print_time": False, **options})
+    g, dual, slope = opti.g, opti.lam_g, cs.gradient(cost, opti.x)
+    below, above, push = opti.lbg - g, g - opti.ubg, cs.jacobian(g, opti.x).T
+    size = 1.0 + cs.fabs(slope) + cs.fabs(push) @ cs.fabs(dual)
+    # a multiplier above 0 belongs to the upper bound; it or the distance from there is 0
+    slack = cs.fmin(cs.fabs(dual), cs.fabs(cs.if_else(dual > 0.0, above, below)))
+    missed = cs.vertcat(
+        below, above, cs.fabs(slope + push @ dual) / size, slack / cs.norm_inf(size)
+    )
+    given = [opti.x, dual, rows, numbers, tension]
+    judge = cs.Function("judge", given, [u, cs.horzcat(*slips), cost, cs.mmax(missed)]).expand()
+    return opti.to_function("problem", given[2:], judge.call(given))
 
 
 @contextmanager

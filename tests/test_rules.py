@@ -1,6 +1,7 @@
 """Every rule keeps the laws of its promise; what bounds the optimum; solvers are judged by their own answers; own rules."""
 
 import math
+from statistics import NormalDist
 
 import cvxpy as cp
 import numpy as np
@@ -233,7 +234,44 @@ def test_caps_hold_with_the_probability_asked_for(probability):
     assert held[3] >= probability - 0.01
 
 
+def test_caps_of_chance_hold_with_rates_and_decide_the_case():
+    rng, robust, quantile = np.random.default_rng(8), RULES["qp-robust"], NormalDist().inv_cdf(0.9)
+    assert robust(AllocationProblem([0.18] * 4, PLAN, deviation=[0.05] * 4)).case == "A"
+    for problem in drawn(100, seed=8, rate=0.02):
+        found = robust(problem := problem.changed(deviation=rng.uniform(0.0, 0.05, problem.n)))
+        assert not found.failed
+        assert (
+            found.limit <= np.maximum(problem.cap - quantile * problem.deviation, 0.0) + 1e-9
+        ).all()
+        assert (found.case == "A") >= (found.unmet > 1e-9)
+
+
+def test_solvers_fail_on_fewer_than_2_of_1000_problems():
+    """Unlimited caps, masses to 1000:1, marks far apart; a failure is told, and counts here."""
+    rng, failures = np.random.default_rng(9), {"qp-cvxpy": 0, "wear-qp": 0}
+    for n in rng.integers(2, 40, 300):
+        cap = PLAN * np.where(rng.random(n) < 0.3, math.inf, 10.0 ** rng.uniform(-3.0, 1.0, n))
+        mark = np.where(np.isinf(cap), PLAN, cap * rng.uniform(1.0, 1.5, n))
+        for name in failures:
+            mass = 10.0 ** rng.uniform(0.0, 3.0, n)
+            failures[name] += RULES[name](AllocationProblem(cap, PLAN, mass, mark=mark)).failed
+    assert max(failures.values()) == 0
+
+
 # Own rules
+
+
+@pytest.mark.parametrize(("objective", "constraint", "said"), [
+    (lambda x, p: None, None, "objective returned None"), (lambda x, p: x - p.plan, None, "objective returned"),
+    (lambda x, p: 1.0, None, "objective returned 1.0"), (lambda x, p: cp.sum(p.cap), None, "objective returned"),
+    (lambda x, p: cp.sum_squares(x - p.caps), None, "'caps'; p has plan"),
+    (lambda x, p: cp.sum_squares(x), lambda x, p: None, "constraint returned None"),
+    (lambda x, p: cp.sum_squares(x), lambda x, p: True, "constraint returned True"),
+])  # fmt: skip
+def test_what_is_no_objective_and_no_constraint_is_told(objective, constraint, said):
+    rule = convex_rule("wrong", objective, [constraint] if constraint else ())
+    with pytest.raises(AllocationError, match=said):
+        rule(AllocationProblem(CAPS, PLAN))
 
 
 def test_own_optimisation_in_six_lines():

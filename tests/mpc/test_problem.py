@@ -247,9 +247,24 @@ def test_what_is_no_problem_is_refused():
         {"horizon": 0},
         {"period": 0.0},
         {"couplers": np.ones((1, 3))},
+        {"weights": Weights(slip=-1.0)},
+        {"weights": Weights(change=np.nan)},
     ):
         with pytest.raises(InputError):
             Problem(u, **wrong)
+    for column, value in [("elasticity", np.nan), ("share", -0.1), ("coefficient", -0.1), ("target", np.inf), *(
+        (name, wrong) for name in ("lag", "radius", "gear", "load", "inertia", "pair_slip") for wrong in (0.0, np.nan)
+    )]:  # fmt: skip
+        u = BELIEVED.rows(2)
+        u[column][1] = value
+        with pytest.raises(InputError, match=f"unit 1: {column} = "):
+            Problem(u)
+    u = BELIEVED.rows(1)
+    for u.elasticity in (-1.0, 1.0, 1.5):
+        Problem(u)
+        with pytest.raises(InputError, match="elasticity"):
+            Problem(u, curve="rational")
+    u = BELIEVED.rows(2)
     with pytest.raises(InputError, match="ipopt"):
         solve(Problem(u, curve="rational"), "daqp")
     with pytest.raises(InputError, match="osqp"):
@@ -262,6 +277,37 @@ def test_a_problem_without_a_solution_says_so():
     found = solve(Problem(u))
     assert not found.solved
     assert np.isnan(found.torques).all()
+
+
+def test_without_a_price_every_solver_has_a_plan_of_the_least_cost():
+    """Of slip, of a unit, of changes; and without a limit of slip: then torques or slips can be exchanged."""
+    rng = np.random.default_rng(14)
+    for _ in range(5):
+        for m, change, slip, shares, limit in (
+            (1, 0.3, 0.0, 1.0, 0.1), (1, 0.3, 0.0, 1.0, np.inf), (2, 0.3, 2.0, [1.0, 0.0], 0.1), (3, 0.0, 2.0, 0.3, 0.1),
+        ):  # fmt: skip
+            u = believed(rng, m)
+            u.share, u.limit = shares, limit
+            plans = [solve(Problem(u, weights=Weights(change, slip)), one) for one in SOLVERS]
+            assert all(one.solved for one in plans)
+            costs = [one.cost for one in plans]
+            assert costs == pytest.approx([costs[0]] * 3, rel=1e-5, abs=1e-5)
+
+
+def test_a_plan_counts_as_solved_by_all_its_numbers(monkeypatch):
+    """Whatever the solver says of itself: spoiled torques, slips, and a residual are noticed."""
+    u, function = believed(np.random.default_rng(15)), problem.build(1, 15, "line", 0, "daqp")
+    for place, value in ((0, np.nan), (1, np.inf), (3, 2.0 * problem.TOLERANCE), (3, np.nan)):
+
+        def spoiled(*given, place=place, value=value):
+            parts = [np.array(part) for part in function(*given)]
+            parts[place].flat[-1] = value
+            return parts
+
+        monkeypatch.setattr(problem, "build", lambda *_, spoiled=spoiled: spoiled)
+        found = solve(Problem(u))
+        assert not found.solved
+        assert np.isnan([*found.torques.flat, *found.slips.flat, found.cost]).all()
 
 
 def test_a_solver_is_built_once():
@@ -279,7 +325,7 @@ def test_ctrl_c_ends_a_solve(swallowed):
         signal.raise_signal(signal.SIGINT)
         if swallowed:
             raise swallowed
-        return (casadi.DM.zeros(1, 15), casadi.DM.zeros(1, 15), casadi.DM(0.0))
+        return [casadi.DM.zeros(1, 15), casadi.DM.zeros(1, 15), casadi.DM(0.0), casadi.DM(0.0)]
 
     # a shell's background jobs ignore what Ctrl-C sends
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
