@@ -190,18 +190,21 @@ def _replays(
     tied, others = ([one.rule for one in found if one.tied == side] for side in (True, False))
     rules = list(dict.fromkeys([REFERENCE, *tied, *others]))
     good = rows[(rows["status"] == "ok") & (rows["seed"] == 0)]
-    there = set(good[["scenario", "controller", "rule"]].itertuples(index=False, name=None))
+    stored = good.set_index(["scenario", "controller", "rule"])[EFFORT].to_dict()
     made: dict[str, Any] = {one.name: {"title": one.title, "runs": {}} for one in events}
     size, left_out = 0, 0
     for rule in rules:
         for event in events:
             for law in laws:
-                if (event.name, law, rule) not in there:
+                if (event.name, law, rule) not in stored:
                     continue
                 if size > MOST_NUMBERS:
                     left_out += 1
                     continue
                 seen = _seen(recorded(event, rule, law, 0))
+                if abs(seen["used"] - 100.0 * stored[event.name, law, rule]) > 0.1:
+                    told = f"{event.name} under {rule} and {law} is not as its stored row says"
+                    raise StudyError(f"{told}: sources changed; run readhesion compare again")
                 size += sum(one.size for one in seen.values())
                 lists = {name: one.tolist() for name, one in seen.items()}
                 shown = lists | {"colour": RULES[rule].colour}

@@ -87,6 +87,8 @@ def test_mistakes_are_one_line(rows, tmp_path, monkeypatch):
         write(tmp_path / "nowhere", tmp_path / "report.html")
     with pytest.raises(StudyError, match="'mine' of this comparison is not registered"):
         page_of(rows.replace({"rule": {"greedy": "mine"}}), tmp_path)
+    with pytest.raises(StudyError, match="not as its stored row says"):
+        page_of(rows.assign(bound_use=0.5), tmp_path)
     with pytest.raises(StudyError, match="'wet-start' is not in this comparison"):
         page_of(rows, tmp_path, ("wet-start",))
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
