@@ -208,7 +208,6 @@ def load(path: str | _Path) -> _xr.Dataset:
     return _record.load(_Path(path))
 
 
-@_xr.register_dataset_accessor("readhesion")
 class _OfRun:
     """What `run.readhesion` offers: the metrics of a run and its figure."""
 
@@ -222,6 +221,10 @@ class _OfRun:
     def plot(self, path: str | _Path | None = None) -> _Any:
         """As `readhesion.plot`."""
         return plot(self._run, path)
+
+
+if __name__ != "__main__":  # as a command it is imported again by what it runs
+    _xr.register_dataset_accessor("readhesion")(_OfRun)
 
 
 def _scenario(event: _Any) -> Scenario:
