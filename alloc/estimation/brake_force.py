@@ -78,7 +78,8 @@ def coupler_force_between(
     Zero where the brake forces [N] are in proportion to the masses [kg].
     """
     m, n = positive_series("front_mass, rear_mass", [front_mass, rear_mass], (2,))
-    return np.asarray((m * np.asarray(rear_force) - n * np.asarray(front_force)) / (m + n))
+    front, rear = finite_series("front_force", front_force), finite_series("rear_force", rear_force)
+    return np.asarray((m * rear - n * front) / (m + n))
 
 
 class BrakeRigging(NamedTuple):
@@ -95,7 +96,8 @@ class BrakeRigging(NamedTuple):
 
         `pressure` [Pa] of the cylinders; `friction`: coefficient between wheel and shoe, usually a function of speed.
         """
-        return np.asarray(cars * math.prod(self) * np.asarray(pressure) * np.asarray(friction))
+        p, mu = finite_series("pressure", pressure), finite_series("friction", friction)
+        return np.asarray(cars * math.prod(self) * p * mu)
 
 
 BUILT_UP = 0.632
@@ -142,17 +144,15 @@ def smooth_brake_forces(
     that counts which has the least expected error (Mallows 1973): a brake may build up or pulse as fast as it likes.
     """
     m = positive_series("mass", mass, (None,))
-    sizes = {"acceleration_noise": acceleration_noise, "coupler_noise": coupler_noise}
-    for name, value in sizes.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise EstimationError(f"smoother: {name} = {value!r} must be a finite number above 0")
+    noise = float(positive_series("acceleration_noise", acceleration_noise, ()))
+    other = float(positive_series("coupler_noise", coupler_noise, ()))
     own = finite_series("acceleration", acceleration, (None, m.size))
     samples, car = len(own), np.arange(m.size)
     if samples < 3:
         told = f"{samples} samples have no second difference; give 3 or more"
         raise EstimationError(f"smoother: {told}")
     couplers = 2 - (car == 0) - (car == m.size - 1)
-    variance = (acceleration_noise * m) ** 2 + couplers * coupler_noise**2
+    variance = (noise * m) ** 2 + couplers * other**2
     parts = dct(car_brake_forces(own, coupler_force, m, resistance), axis=0, norm="ortho")
     bending = (2.0 - 2.0 * np.cos(np.pi * np.arange(samples) / samples)) ** 2
     kept = 1.0 / (1.0 + STIFFNESS[:, None] * bending)
@@ -182,7 +182,7 @@ class CalibrationErrors(NamedTuple):
         """
         m = positive_series("mass", mass, (None,))
         a = finite_series("acceleration", acceleration, (m.size,), (None, m.size))
-        couplers = np.asarray(coupler_force, dtype=float)
+        couplers = finite_series("coupler_force", coupler_force)
         each = self.coupler_offset**2 + (self.coupler_gain * couplers) ** 2
         ends = np.pad(each, [(0, 0)] * (each.ndim - 1) + [(1, 1)])
         own = (m * self.acceleration_offset) ** 2 + (self.mass * m * a) ** 2

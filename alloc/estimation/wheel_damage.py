@@ -11,27 +11,42 @@ No measured speed is differentiated. The mean of F_t over a window is the impuls
 and the inertia's part of Q is the Stieltjes integral of the slip velocity over omega.
 """
 
+import warnings
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import EstimationError
-from alloc.estimation.series import finite_series, positive_series
+from alloc.estimation.series import finite_series, positive_series, seconds
 
 Floats = NDArray[np.float64]
+
+SAMPLED, LONGEST, GAP, SHORTEST = 0.1, 1.0, 10.0, 5e-5
+"""Steps of a log that are doubtful [s]: of more than 1 s, of a clock in ms; of more than 0.1 s and of ten median ones, where
+samples are left out; median ones of less than 50 us, of a clock in hours or days."""
+ROLLING, MOVING = 0.5, 5.0
+"""A wheel whose slip is less than this share of the train's speed rolls, as each does some time above this speed [m/s]."""
 
 
 def _checked(
     time: ArrayLike, applied: ArrayLike, omega: ArrayLike, inertia: ArrayLike, radius: ArrayLike
 ) -> tuple[Floats, ...]:
-    """The arguments that both functions have, as arrays that fit together; raises `EstimationError`."""
-    time = finite_series("time", time, (None,))
+    """The arguments that both functions have, as arrays that fit together; raises `EstimationError`, and warns of gaps."""
+    time = finite_series("time", seconds(time), (None,))
     if time.size < 2 or not np.all(np.diff(time) > 0.0):
         told = "grow from instant to instant and have two instants or more"
         raise EstimationError(f"time must {told}")
+    step = np.diff(time)
+    usual, k = float(np.median(step)), int(step.argmax())
+    doubtful = usual < SHORTEST or step[k] > min(LONGEST, max(SAMPLED, GAP * usual))
+    if doubtful and time.size > 2:  # two instants are a check by hand
+        told = f"time steps by {step[k]:g} s at {time[k]:g} s, by {usual:g} s as a rule"
+        warnings.warn(f"{told}: are these seconds, and all samples there?", stacklevel=3)
     applied = finite_series("applied_force", applied, (time.size, None))
     omega = finite_series("angular_speed", omega, applied.shape)
     inertia = positive_series("inertia", inertia, (), applied.shape[1:])
     radius = positive_series("radius", radius, (), applied.shape[1:])
+    finite_series("angular_speed times radius", radius * omega)
     return time, applied, omega, inertia, radius
 
 
@@ -45,16 +60,17 @@ def tangential_force(
 ) -> Floats:
     """Force [N] that the rail exerts on each axle, mean over `window` [s] around each instant, (instants, axles).
 
-    `time` [s] (instants,); `applied_force` [N] (instants, axles): motors and brakes together at the rim, positive in
-    traction; `angular_speed` [rad/s] (instants, axles); `inertia` [kg m2] of the wheelset with everything geared to it and
-    `radius` [m], () or (axles,). At the ends of the series the window is shortened.
+    `time` (instants,): [s] or time stamps of any type; `applied_force` [N] (instants, axles): motors and brakes together at
+    the rim, positive in traction; `angular_speed` [rad/s] (instants, axles); `inertia` [kg m2] of the wheelset with
+    everything geared to it and `radius` [m], () or (axles,). At the ends of the series the window is shortened.
 
     The mean is exact for series that are linear between instants. White noise of the rim speed with standard deviation s
-    gives a noise of the force of sqrt(2) J s / (R^2 window). Raises `EstimationError`. Source: JP4209318 (2), (4).
+    gives a noise of the force of sqrt(2) J s / (R^2 window). Raises `EstimationError`, warns of gaps. JP4209318 (2), (4).
     """
     time, applied, omega, inertia, radius = _checked(
         time, applied_force, angular_speed, inertia, radius
     )
+    window = float(finite_series("window", seconds(window), ()))
     shortest = float(np.diff(time).max())
     if not window >= shortest * (1.0 - 1e-9):
         raise EstimationError(f"window = {window!r} s is shorter than the sampling, {shortest:g} s")
@@ -89,7 +105,12 @@ def wheel_damage(
         time, applied_force, angular_speed, inertia, radius
     )
     train = finite_series("speed", speed, time.shape, applied.shape)
-    slip = radius * omega - (train if train.ndim == 2 else train[:, None])
+    train = train if train.ndim == 2 else train[:, None]
+    slip, moving = radius * omega - train, abs(train) > MOVING
+    rolls = moving & (abs(slip) < ROLLING * abs(train))
+    for k in np.flatnonzero(moving.any(axis=0) & ~rolls.any(axis=0))[:1]:
+        told = f"slip of {slip[:, k].min():g} to {slip[:, k].max():g} m/s; have all speeds their units?"
+        warnings.warn(f"axle {k} never rolls: {told}", stacklevel=2)
     step = np.diff(time)[:, None]
     # product of two straight lines, integrated
     given = (

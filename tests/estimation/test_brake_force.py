@@ -170,6 +170,8 @@ def test_each_constant_error_adds_its_share():
     [
         (lambda: car_brake_forces([-1.0, np.nan], np.zeros((2, 3)), FOUR_MASSES), r"acceleration holds nan at \(1,\)"),
         (lambda: car_brake_forces([-1.0], np.zeros((1, 4)), FOUR_MASSES), r"coupler_force has shape \(1, 4\)"),
+        (lambda: car_brake_forces([-1.0], np.zeros((1, 3), "timedelta64[s]"), FOUR_MASSES), "coupler_force holds time"),
+        (lambda: coupler_force_between(np.ma.array([1.0], mask=True), 1.0, [1.0], 1.0), r"front_force holds nan at \(0,\)"),
         (lambda: group_brake_force([-1.0], 0.0), "mass = .* must exceed 0"),
         (lambda: braking_window(PRESSURE, SPEED + 1.0), "speed stays above 0.5"),
         (lambda: braking_window(0.0 * PRESSURE, SPEED), "is the train braked"),
