@@ -21,7 +21,6 @@ from typing import Any as _Any
 import pandas as _pd
 import xarray as _xr
 
-from alloc import record as _record
 from alloc import simulation as _simulation
 from alloc.driving import drive
 from alloc.errors import InputError
@@ -32,6 +31,8 @@ from alloc.onboard.beliefs import BELIEFS, Belief
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.controllers import register as register_controller
 from alloc.parts import belief, control, law
+from alloc.record import check_whole as _check_whole
+from alloc.record import load, save
 from alloc.rules import (
     RULES,
     Allocation,
@@ -59,8 +60,9 @@ __version__ = _version("readhesion")
 __all__ = [
     "BELIEFS", "CONTROLLERS", "METRICS", "RULES", "Allocation", "AllocationProblem", "Belief", "Column", "Controller",
     "DriverCommand", "Event", "InputError", "Metric", "Rule", "Scenario", "Table", "belief", "check_controller",
-    "check_curve", "check_rule", "compare", "control", "convex_rule", "drive", "evaluate", "law", "load", "load_scenario",
-    "metric", "optimality", "plot", "rank", "reference_rule", "register_controller", "save", "simulate", "sweep",
+    "check_curve", "check_rule", "compare", "control", "convex_rule", "drive", "evaluate", "frame", "law", "load",
+    "load_scenario", "metric", "optimality", "plot", "rank", "reference_rule", "register_controller", "save", "simulate",
+    "sweep",
 ]  # fmt: skip
 
 _Named = str | _Path | Scenario
@@ -95,15 +97,12 @@ def simulate(
 def evaluate(run: _xr.Dataset) -> dict[str, float]:
     """Every metric of a recorded run, by name; nan where it does not apply. Raises `InputError` for no whole run."""
     if not isinstance(run, _xr.Dataset):
-        raise InputError(
-            f"evaluate takes a recorded run, not {run!r:.60}; readhesion.load reads one"
-        )
+        raise InputError(f"evaluate takes a run, not {run!r:.60}; readhesion.load reads one")
     try:
+        _check_whole(run)
         return _evaluate(run)
     except (KeyError, AttributeError) as error:
-        raise InputError(
-            f"run: {error} is missing; evaluate takes whole runs of simulate"
-        ) from None
+        raise InputError(f"run: {error} is missing; evaluate takes whole runs") from None
 
 
 def compare(
@@ -120,18 +119,16 @@ def compare(
     on where it stopped. `jobs`: processes; a script that asks for several does so under ``if __name__ == "__main__"``.
     Raises `InputError` for a part that does not exist or does not work; a run that fails is a row with its reason.
     """
-    if seeds is not None:
-        _check("seeds", seeds, 1)
+    _check("seeds", 1 if seeds is None else seeds, 1)
     _check("jobs", jobs, 1)
     _refresh()
     chosen = [_scenario(one) for one in _several("scenarios", scenarios, _Path, Scenario)]
-    grid = _compare.grid(
-        chosen, _several("rules", rules), _several("controllers", controllers), seeds
-    )
+    parts = _several("rules", rules), _several("controllers", controllers)
+    grid = _compare.grid(chosen, *parts, seeds)
     _try_own_parts(grid.rules, grid.controllers)
     study = _compare.study_of(grid)
     with _tempfile.TemporaryDirectory() as folder:
-        return _tidy(_run_study(study, out or folder, jobs=jobs))
+        return _tidy(_run_study(study, folder if out is None else out, jobs=jobs))
 
 
 def sweep(
@@ -146,16 +143,13 @@ def sweep(
     `attrs` have what the study makes of them, as lists of rows: "table", and "statements" where it has some. `out`, `jobs`:
     as for `compare`.
     """
-    for option, value, least in (
-        ("events", events or 1, 1),
-        ("seed", seed or 0, 0),
-        ("jobs", jobs, 1),
-    ):
-        _check(option, value, least)
+    _check("events", 1 if events is None else events, 1)
+    _check("seed", 0 if seed is None else seed, 0)
+    _check("jobs", jobs, 1)
     _refresh()
     study = _find_study(str(name))
     with _tempfile.TemporaryDirectory() as folder:
-        rows = _run_study(study, out or folder, events, seed, jobs)
+        rows = _run_study(study, folder if out is None else out, events, seed, jobs)
     found = _tidy(rows)
     found.attrs |= {name: one.to_dict(orient="records") for name, one in study.tables(rows).items()}
     return found
@@ -174,7 +168,7 @@ def rank(
     `attrs["gains"]` has the gain over `alone`, of a controller over perturb-observe, by parts of the events. `under`: the
     controller under which a rule runs; `events`: how many, the first [default: all 500]. `out`, `jobs`: as for `compare`.
     """
-    _check("events", events or 1, 1)
+    _check("events", 1 if events is None else events, 1)
     _check("jobs", jobs, 1)
     _refresh()
     pairs = _benchmark.pairs_of(str(part), under)
@@ -182,7 +176,7 @@ def rank(
         raise _StudyError(f"{part}: it registers several parts; give the name of one")
     study = _benchmark.own_study(*pairs[0])
     with _tempfile.TemporaryDirectory() as folder:
-        own = _run_study(study, out or folder, events, jobs=jobs)
+        own = _run_study(study, folder if out is None else out, events, jobs=jobs)
     tables = study.tables(own)
     tables["table"].attrs["gains"] = tables["gains"].to_dict(orient="records")
     return tables["table"]
@@ -198,14 +192,15 @@ def plot(run: _xr.Dataset, path: str | _Path | None = None) -> _Any:
     return found
 
 
-def save(run: _xr.Dataset, path: str | _Path) -> None:
-    """Write a recorded run, as netCDF (.nc) or for MATLAB (.mat); raises `OSError` that names the file."""
-    _record.save(run, _Path(path))
-
-
-def load(path: str | _Path) -> _xr.Dataset:
-    """Read a run that `save` wrote; raises `OSError` that names the file."""
-    return _record.load(_Path(path))
+def frame(run: _xr.Dataset, dimension: str = "axle") -> _pd.DataFrame:
+    """What a run has over time, and over time and a dimension, a row for each of both; `attrs["units"]` has the units."""
+    if dimension not in list(run.dims):
+        raise InputError(f"dimension = {dimension!r:.60}: give one of {[*run.dims]}")
+    over = ("time",) if dimension == "time" else ("time", dimension)
+    kept = run[[name for name, one in run.data_vars.items() if one.dims in (over, over[:1])]]
+    table = kept.to_dataframe(over).reset_index()
+    table.attrs["units"] = {name: one.attrs.get("units") for name, one in kept.variables.items()}
+    return table
 
 
 class _OfRun:
@@ -241,6 +236,8 @@ def _several(option: str, given: _Any, *kinds: type) -> list[_Any]:
         return []
     several = isinstance(given, _Iterable) and not isinstance(given, (str, *kinds))
     found = list(given) if several else [given]
+    if not found:
+        raise _StudyError(f"{option} = {given!r:.60}: give one or more, or None for the default")
     for one in found:
         if not isinstance(one, (str, *kinds)):
             hint = "" if kinds else "; register a part of your own, and give its name"

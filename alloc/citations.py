@@ -1,10 +1,11 @@
-"""The publications that the code names: `citations.bib` has each by what docstrings call it, and as BibTeX.
+"""This software and the publications that it names: `citations.bib` has each by what docstrings call it, and as BibTeX.
 
 A file names its source in a docstring or a comment; `uses` finds which of `CITATIONS` texts name.
 """
 
 import re
 from collections.abc import Mapping
+from importlib.metadata import version
 from pathlib import Path
 
 
@@ -21,7 +22,8 @@ class Citation:
     def words(self) -> str:
         """Authors or holder, title, and where it was published, in one line."""
         by = self.fields.get("holder") or self.fields.get("author", "").replace(" and ", ", ")
-        names = ("journal", "booktitle", "institution", "number", "volume", "pages", "year")
+        names = ("journal", "booktitle", "institution", "number", "volume", "pages", "year", "version",
+                 "license")  # fmt: skip
         where = ", ".join(self.fields[name] for name in names if name in self.fields)
         parts = (part.rstrip(".") for part in (by, self.fields["title"], where) if part)
         return f"{'. '.join(parts)}."
@@ -35,6 +37,7 @@ class Citation:
 
 
 _TEXT = Path(__file__).with_suffix(".bib").read_text("utf-8")
+_TEXT = _TEXT.replace("VERSION", version("readhesion"))
 CITATIONS = tuple(map(Citation, re.split(r"^(?=@)", _TEXT, flags=re.MULTILINE)[1:]))
 """In the order of the file."""
 

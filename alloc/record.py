@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from alloc.columns import AXLE, BRAKE, CAR, RUN, UNIT
 from alloc.curves import tops
-from alloc.errors import UnsoundRun
+from alloc.errors import InputError, UnsoundRun
 from alloc.files import write_whole
 from alloc.tables import Rows, words
 from alloc.world import World
@@ -169,6 +169,7 @@ def _attributes(
         "controller": controller,
         "train": event.train.name,
         "train_mass": float(w.cars.mass.sum()),
+        "axle_count": w.axles.size,
         "target_speed": np.nan if event.target_speed is None else event.target_speed,
         "blended_brakes": int(w.onboard.blended[0]),
         "rule_calls": int(run.asked),
@@ -189,6 +190,43 @@ def provenance() -> dict[str, str]:
     packages = ("readhesion", "numpy", "numba", "casadi", "osqp")
     found = {f"version_{name}": version(name) for name in packages}
     return found | {"version_python": platform.python_version()}
+
+
+APART = 5.0, 0.2
+"""How far the front of a train may get from its mean way: slack of couplers [m], and a share of that way."""
+
+
+def check_whole(run: xr.Dataset) -> None:
+    """Raise `InputError` where a run is not as recorded: of a whole train, at all instants, a stretch, or every n-th."""
+
+    def need(fits: Any, told: str) -> None:
+        if not fits:
+            raise InputError(f"run: {told}; evaluate takes whole runs as recorded")
+
+    v = {name: np.asarray(one.values) for name, one in run.variables.items()}
+    car, unit = (v[name].max(initial=0) for name in ("car_of_axle", "unit_of_axle"))
+    counts = {"axle": run.attrs.get("axle_count", v["axle"].size), "car": car, "unit": unit}
+    for name, count in counts.items():
+        whole = np.array_equal(v[name], np.arange(1, count + 1))
+        need(whole, f"{name} has {v[name].size} of {count}, or another order")
+    tables: Any = *(table.rows(1)[None] for table in _TABLES), (), ()
+    for name, dims, usual, of, _ in _recorded(Record(*tables), slice(None)):
+        if (known := run.variables.get(name)) is not None:
+            kind = known.dtype.name.replace("int32", "int64")  # netCDF 3 has no longer ones
+            stated = known.attrs.get("units", of)
+            for have, want in ((known.dims, dims), (kind, usual.dtype.name), (stated, of)):
+                need(have == want, f"{name} is {have}, not {want}")
+            need(np.isfinite(v[name]).all() or not np.isfinite(usual).all(), f"{name} has gaps")
+    step, way = np.diff(v["time"]), np.trapezoid(v["speed"], v["time"])
+    even = np.append((step > 0.0) & np.isclose(step, step[:1]), v["time"].size > 0)
+    need(even.all(), f"time does not grow by equal steps, first at instant {even.argmin()}")
+    off = abs(v["position"][-1] - v["position"][0] - way)
+    need(off <= APART[0] + APART[1] * abs(way), f"position is {off:g} m from what speed gives")
+    slip = v["rim_speed"] - v["car_speed"].take(v["axle_car"], axis=1, mode="clip")
+    force, mean = v["coefficient"] * v["axle_load"], v["car_speed"] @ v["car_mass"]
+    laws = {"slip_velocity": slip, "rail_force": force, "speed": mean / v["car_mass"].sum()}
+    for name, expected in laws.items():
+        need(np.allclose(v[name], expected), f"{name} does not fit the other variables")
 
 
 # files
@@ -225,7 +263,7 @@ def save(run: xr.Dataset, path: Path | str) -> None:
 
 
 def load(path: Path | str) -> xr.Dataset:
-    """Read a run written by `save`."""
+    """Read a run written by `save`; raises `OSError` that names the file."""
     with _NETCDF, xr.open_dataset(path, engine="netcdf4", decode_times=False) as stored:
         run = stored.load()
     plain = {

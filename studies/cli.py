@@ -138,8 +138,7 @@ def simulate(
         paper_figs.save(lambda: course(run), figure)
     if as_json:
         about = {"scenario": event.name, "rule": rule, "controller": controller, "seed": seed}
-        known = {name: None if one != one else one for name, one in values.items()}
-        _print_json({**about, "metrics": known})
+        _print_json({**about, "metrics": values})
         return
     shown = HEADLINES if not every else tuple(values)
     print(f"{event.name}: {rule}, {controller}, seed {seed}")
@@ -230,7 +229,7 @@ def rank(
         if not tables:
             return _all_failed(study, rows)
         if work.as_json:
-            said[bench.named(*pair)[0]] = _plain(tables)
+            said[bench.named(*pair)[0]] = tables
         else:
             print("\n".join(bench.told(pair, tables)))
             print(f"{_counted(rows)} in {work.out / study.name}")
@@ -255,18 +254,13 @@ def _asked(study: "Study", folder: Path, events: int | None, seed: int | None, w
     if not tables:
         return _all_failed(study, rows)
     if work.as_json:
-        _print_json(_plain(tables))
+        _print_json(tables)
     else:
         shown = [told(one) if kind == "statements" else one for kind, one in tables.items()]
         print("\n".join([study.question, "", *map(markdown, shown)]))
         written = "tables and figure" if study.figure else "tables"
         print(f"{_counted(rows)}, {written} in {folder}")
     return 0
-
-
-def _plain(tables: "dict[str, pd.DataFrame]") -> dict[str, Any]:
-    """Tables as JSON has them."""
-    return {name: json.loads(one.to_json(orient="records")) for name, one in tables.items()}
 
 
 def _all_failed(study: "Study", rows: "pd.DataFrame") -> int:
@@ -399,7 +393,7 @@ def schema(kind: Literal["scenario", "train"] = "scenario", *, out: Path | None 
     from alloc.files import write_whole
     from studies import scenario
 
-    text = json.dumps(scenario.schema(kind), indent=1) + "\n"
+    text = json.dumps(scenario.schema(kind), indent=1, allow_nan=False) + "\n"
     _check_file(out, ".json")
     if out is None:
         print(text, end="")
@@ -424,7 +418,7 @@ def new_scenario(name: str, *, like: str = "wet-start", out: Path = Path()) -> N
 
 @app.command
 def cite(*, as_bibtex: Annotated[Flag, Parameter("--bibtex")] = False) -> None:
-    """Print the publications that the project is based on.
+    """Print how to cite this software, and the publications that it is based on.
 
     Args:
         as_bibtex: As BibTeX.
@@ -476,7 +470,9 @@ def _counted(rows: "pd.DataFrame") -> str:
 
 
 def _print_json(value: object) -> None:
-    print(json.dumps(value, indent=1))
+    """A table as its rows; what is not finite, which JSON does not know, as null."""
+    text = json.dumps(value, default=lambda table: json.loads(table.to_json(orient="records")))
+    print(json.dumps(json.loads(text, parse_constant=lambda _: None), indent=1, allow_nan=False))
 
 
 def _print_line(text: str) -> None:

@@ -57,9 +57,11 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         self.scenario = load(scenario) if isinstance(scenario, str) else scenario
         world = self.scenario.event().world()
         axles = world.units.last - world.units.first
-        self.units, self.rule, self.others = list(units or range(axles.size)), rule, others
-        if not set(self.units) <= set(range(axles.size)):
-            raise StudyError(f"units = {self.units} must be some of 0 to {axles.size - 1}")
+        chosen = np.ravel(np.arange(axles.size) if units is None else units)
+        self.units, self.rule, self.others = chosen.tolist(), rule, others
+        whole = chosen.dtype.kind in "iu" and chosen.size > 0
+        if not whole or len(set(self.units) & set(range(axles.size))) < chosen.size:
+            raise StudyError(f"units = {self.units}: give distinct integers, 0 to {axles.size - 1}")
         CONTROLLERS.find(others)
         if RULES.find(rule).belief.knows:
             raise StudyError(f"under rule {rule!r} no readhesion controller acts")

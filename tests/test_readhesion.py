@@ -5,8 +5,10 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 
+import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 import readhesion as r
 from alloc.metrics import METRICS
@@ -101,9 +103,44 @@ MISTAKES = [
     (lambda e, run: r.compare(e, seeds=[0, 1]), r"seeds = \[0, 1\]: give a whole number from 1"),
     (lambda e, run: r.compare(e, jobs=0), "jobs = 0: give a whole number from 1"),
     (lambda e, run: r.sweep("claim"), "unknown study 'claim'; did you mean 'claims'"),
+    (lambda e, run: r.compare(e, rules=[]), r"rules = \[\]: give one or more"),
+    (lambda e, run: r.sweep("claims", events=0), "events = 0: give a whole number from 1"),
+    (lambda e, run: r.rank("exact", events=0), "events = 0: give a whole number from 1"),
+    (lambda e, run: r.frame(run, "axles"), r"dimension = 'axles': give one of \['time', 'axle'"),
     (lambda e, run: r.evaluate("run.nc"), "not 'run.nc'; readhesion.load reads one"),
     (lambda e, run: r.evaluate(run.drop_vars("speed")), "'speed' is missing"),
+    (lambda e, run: r.evaluate(run.isel(axle=slice(4))), "axle has 4 of 32"),
+    (lambda e, run: r.evaluate(run.isel(unit=slice(None, None, -1))), "unit has 4 of 4, or another order"),
+    (lambda e, run: r.evaluate(run.astype(np.float32)), "is float32, not float64"),
+    (lambda e, run: r.evaluate(run.coarsen(time=10).mean()), "works is float64, not int64"),
+    (lambda e, run: r.evaluate(run.assign(motor_torque=run["motor_torque"].where(run["unit"] > 1))), "torque has gaps"),
+    (lambda e, run: r.evaluate(run.assign(rail_force=1e-3 * run["rail_force"])), "rail_force does not fit"),
+    (lambda e, run: r.evaluate(run.assign(speed=run["speed"].assign_attrs(units="km h-1"))), "speed is km h-1, not m s-1"),
+    (lambda e, run: r.evaluate(xr.concat([run, run], "run")), "offered is .*'run', 'time'"),
+    (lambda e, run: r.evaluate(run.isel(time=slice(None, None, -1))), "by equal steps, first at instant 0"),
+    (lambda e, run: r.evaluate(run.isel(time=np.r_[:300, 900:2200])), "by equal steps, first at instant 299"),
+    (lambda e, run: r.evaluate(run.assign_coords(time=run["time"].astype("timedelta64[s]"))), "time is timedelta64"),
+    (lambda e, run: r.evaluate(run.assign_coords(time=1e3 * run["time"])), "position is .* from what speed gives"),
+    (lambda e, run: r.evaluate(run.isel(time=[*range(2200)] * 2).assign_coords(time=0.01 * np.arange(4400))), "what speed"),
 ]  # fmt: skip
+
+
+def test_a_stretch_or_every_fifth_instant_of_a_run_is_whole_whoever_reads_it(run, tmp_path):
+    run.to_netcdf(tmp_path / "run.nc", engine="scipy")
+    read = xr.open_dataset(tmp_path / "run.nc", chunks={}).drop_vars(["cap", "level"])
+    assert r.evaluate(read) == pytest.approx(r.evaluate(run), nan_ok=True)
+    for part in (slice(500, 1500), slice(None, None, 5)):
+        assert 0.9 < r.evaluate(run.isel(time=part))["bound_use"] <= 1.0
+
+
+def test_a_frame_has_a_row_for_each_instant_and_number(run):
+    for over in (("time", "axle"), ("time", "coupler"), ("time",)):
+        table = r.frame(run, over[-1])
+        for name, values in run.data_vars.items():
+            assert (name in table) == (values.dims in (over, ("time",)))
+            if values.dims == over:
+                np.testing.assert_array_equal(table[name], values.values.ravel())
+                assert table.attrs["units"][name] == values.attrs["units"]
 
 
 def test_natural_mistakes_get_a_sentence_that_says_what_to_do(short, run):

@@ -5,14 +5,18 @@ import re
 import numpy as np
 import pytest
 
+import readhesion
 from alloc.columns import TABLES, UNIT
 from alloc.compilation import is_private
 from alloc.tables import Column, Table, words
 
-UNITS = re.compile(r"(1|[a-zA-Z]+-?[\d.]*)( [a-zA-Z]+-?[\d.]*)*")
+FACTOR = r"(N|Pa|J|W|kg|km|m|s|h|rad)(-?[1-9])?"
+UNITS = re.compile(rf"1|{FACTOR}( {FACTOR})*")
+"""Those that udunits reads as meant: it takes the point of a fractional exponent for a product."""
+ALL_TABLES = dict.fromkeys((*TABLES, *(one.memory for one in readhesion.CONTROLLERS.values())))
 
 
-@pytest.mark.parametrize("table", TABLES, ids=lambda one: one.name)
+@pytest.mark.parametrize("table", ALL_TABLES, ids=lambda one: one.name)
 def test_every_column_has_unit_and_meaning(table):
     for name, column in table.columns.items():
         assert UNITS.fullmatch(column.unit), name

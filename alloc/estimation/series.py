@@ -12,30 +12,23 @@ from alloc.errors import EstimationError
 Floats = NDArray[np.float64]
 
 MOST = {"speed": 160.0, "angular_speed times radius": 160.0, "radius": 1.5, "applied_force": 1e6}
-"""Sizes in SI units beyond which a series has another unit, or raw counts: the record on wheels is 159.7 m/s, the largest
-driving wheels had 1.2 m, and no axle carries 100 t."""
-
-
-def seconds(values: ArrayLike) -> Any:
-    """Time stamps, with a zone or without, as seconds since the first; spans of time as seconds; others as they are."""
-    array: Any = np.ma.asarray(values)
-    flat = array.data.ravel()
-    if (kind := infer_dtype(flat)).startswith("datetime"):
-        flat = pd.to_datetime(flat, utc=True) - pd.to_datetime(flat[0], utc=True)
-    elif not kind.startswith("timedelta"):
-        return values
-    spans = pd.to_timedelta(flat).total_seconds().to_numpy()
-    return np.ma.array(spans.reshape(array.shape), mask=array.mask)
+"""Sizes [SI] beyond which a series has another unit, or raw counts: the fastest train on wheels ran at 159.7 m/s, the
+largest wheels had a radius of 1.2 m, no axle carries 100 t."""
 
 
 def finite_series(name: str, values: ArrayLike, *shapes: tuple[int | None, ...]) -> Floats:
-    """`values` as numbers of one of these shapes (None: any length); raises `EstimationError` naming `name`."""
-    array: Any = np.ma.asarray(values)
-    kind = infer_dtype(array.data.ravel())
-    if array.size and kind not in ("floating", "integer", "mixed-integer-float", "decimal"):
+    """`values` as numbers, times as seconds, of one of these shapes (None: any length); `EstimationError` names `name`."""
+    marked: Any = np.ma.asarray(values)
+    flat: Any = marked.data.ravel()
+    kind = infer_dtype(flat)
+    if name in ("time", "window") and kind.startswith(("datetime", "timedelta")):
+        if kind.startswith("datetime"):  # since the first, with a zone or without
+            flat = pd.to_datetime(flat, utc=True) - pd.to_datetime(flat[:1], utc=True)[0]
+        kind, flat = "floating", pd.to_timedelta(flat).total_seconds()
+    if flat.size and kind not in ("floating", "integer", "mixed-integer-float", "decimal"):
         raise EstimationError(f"{name} holds {kind} values; it needs numbers")
-    absent = pd.isna(array.data) | np.ma.getmaskarray(array)
-    array = np.where(absent, np.nan, array.data).astype(float)
+    absent = pd.isna(flat) | np.ma.getmaskarray(marked).ravel()
+    array = np.where(absent, np.nan, flat).astype(float).reshape(marked.shape)
 
     def fits(shape: tuple[int | None, ...]) -> bool:
         pairs = zip(shape, array.shape, strict=False)
@@ -46,8 +39,7 @@ def finite_series(name: str, values: ArrayLike, *shapes: tuple[int | None, ...])
         raise EstimationError(f"{name} has shape {array.shape}; it needs {wanted}")
     if shapes and array.size == 0:
         raise EstimationError(f"{name} is empty")
-    within = abs(array) <= MOST.get(name, np.finfo(float).max)
-    if not np.all(within):
+    if not np.all(within := abs(array) <= MOST.get(name, np.finfo(float).max)):
         first = tuple(int(k) for k in np.argwhere(~within)[0])
         told = "leave out or repair such samples first"
         if np.isfinite(array[first]):

@@ -17,29 +17,28 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import EstimationError
-from alloc.estimation.series import finite_series, positive_series, seconds
+from alloc.estimation.series import finite_series, positive_series
 
 Floats = NDArray[np.float64]
 
 SAMPLED, LONGEST, GAP, SHORTEST = 0.1, 1.0, 10.0, 5e-5
-"""Steps of a log that are doubtful [s]: of more than 1 s, of a clock in ms; of more than 0.1 s and of ten median ones, where
-samples are left out; median ones of less than 50 us, of a clock in hours or days."""
-ROLLING, MOVING = 0.5, 5.0
-"""A wheel whose slip is less than this share of the train's speed rolls, as each does some time above this speed [m/s]."""
+"""Steps of a log of three instants or more that are doubtful [s]: above 1 s, of a clock in ms; above 0.1 s and ten median
+ones, where samples are left out; median ones below 50 us, of a clock in hours or days."""
+ROLLING = 0.5
+"""A wheel whose slip is at most this share of the train's speed rolls, as each does at some time."""
 
 
 def _checked(
     time: ArrayLike, applied: ArrayLike, omega: ArrayLike, inertia: ArrayLike, radius: ArrayLike
 ) -> tuple[Floats, ...]:
     """The arguments that both functions have, as arrays that fit together; raises `EstimationError`, and warns of gaps."""
-    time = finite_series("time", seconds(time), (None,))
+    time = finite_series("time", time, (None,))
     if time.size < 2 or not np.all(np.diff(time) > 0.0):
         told = "grow from instant to instant and have two instants or more"
         raise EstimationError(f"time must {told}")
     step = np.diff(time)
     usual, k = float(np.median(step)), int(step.argmax())
-    doubtful = usual < SHORTEST or step[k] > min(LONGEST, max(SAMPLED, GAP * usual))
-    if doubtful and time.size > 2:  # two instants are a check by hand
+    if time.size > 2 and (usual < SHORTEST or step[k] > min(LONGEST, max(SAMPLED, GAP * usual))):
         told = f"time steps by {step[k]:g} s at {time[k]:g} s, by {usual:g} s as a rule"
         warnings.warn(f"{told}: are these seconds, and all samples there?", stacklevel=3)
     applied = finite_series("applied_force", applied, (time.size, None))
@@ -70,7 +69,7 @@ def tangential_force(
     time, applied, omega, inertia, radius = _checked(
         time, applied_force, angular_speed, inertia, radius
     )
-    window = float(finite_series("window", seconds(window), ()))
+    window = float(finite_series("window", window, ()))
     shortest = float(np.diff(time).max())
     if not window >= shortest * (1.0 - 1e-9):
         raise EstimationError(f"window = {window!r} s is shorter than the sampling, {shortest:g} s")
@@ -99,16 +98,15 @@ def wheel_damage(
 
     Exact for series that are linear between instants; in braked runs of the plant 2e-5 off at records of 10 ms and 9e-4 at
     100 ms. White noise of the speeds does not bias Q: no noise is multiplied by its own change. A relative error of the
-    radius or of the train's speed does: it adds as much of the work of F_t. Raises `EstimationError`.
+    radius or of the train's speed does: it adds as much of the work of F_t. Raises `EstimationError`, warns of doubts.
     """
     time, applied, omega, inertia, radius = _checked(
         time, applied_force, angular_speed, inertia, radius
     )
     train = finite_series("speed", speed, time.shape, applied.shape)
     train = train if train.ndim == 2 else train[:, None]
-    slip, moving = radius * omega - train, abs(train) > MOVING
-    rolls = moving & (abs(slip) < ROLLING * abs(train))
-    for k in np.flatnonzero(moving.any(axis=0) & ~rolls.any(axis=0))[:1]:
+    slip = radius * omega - train
+    for k in np.flatnonzero(~(abs(slip) <= ROLLING * abs(train)).any(axis=0))[:1]:
         told = f"slip of {slip[:, k].min():g} to {slip[:, k].max():g} m/s; have all speeds their units?"
         warnings.warn(f"axle {k} never rolls: {told}", stacklevel=2)
     step = np.diff(time)[:, None]

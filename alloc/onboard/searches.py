@@ -283,7 +283,7 @@ CUBATURE = Table(
     train_noise=Column(0.01, "m s-1", "deviation of the train's speed", source=ASSUMED),
     rim_walk=Column(0.35, "m s-2", "walk of the rim speed", source=TUNED),
     train_walk=Column(0.3, "m s-2", "walk of the train's speed", source=ASSUMED),
-    height_walk=Column(0.2, "s-0.5", "walk of the curve's height", source=ASSUMED),
+    height_walk=Column(0.2, ONE, "walk of the curve's height in a second", source=ASSUMED),
     adapt=Column(0.02, ONE, "share of an innovation in the rim speed's variance", source=ASSUMED),
     scale=Column(0.14, "m s-1", "slip at the peak of the filter's curve", source=TUNED),
     **HELD,

@@ -14,8 +14,8 @@ import math
 from alloc.compilation import jit
 
 RESTLESS, STEADY = 0.04, 0.001
-"""Deviation by which the speed changes unforeseen, per root of time [m s-1.5], as couplers shake a locomotive; and in
-blended braking, where no unit is eased and wheels that slide would be followed."""
+"""Deviation by which the speed changes unforeseen in a second [m/s], as couplers shake a locomotive; and in blended braking,
+where no unit is eased and wheels that slide would be followed."""
 LEAST_SPEED = 1.4
 """Speed below which the deviation of a rolling wheel shrinks no further [m/s]."""
 BOUND = 3.0

@@ -80,6 +80,14 @@ def test_every_option_is_on_the_page_of_commands(command):
         assert one.index is not None or one.name in PAGES["docs/commands.md"]
 
 
+@pytest.mark.parametrize("page", PAGES)
+def test_no_line_begins_as_markup_of_the_site_alone(page):
+    """MyST takes it for a comment, a break, a target, front matter or a role, and the text is lost."""
+    text = re.sub(r"^ *(```+|~~~+).*?^ *\1", "", PAGES[page], flags=re.MULTILINE | re.DOTALL)
+    begin = r"^[ >]*(?:(?:[-*+]|\d+[.)]) +)?(?:%|\+\+\+|\([^()]*\)=|\{[\w:-]+\}`).*$"
+    assert not re.findall(rf"\A---\n|{begin}", text, re.MULTILINE)
+
+
 def anchors(text):
     """Of the headings of a page, as GitHub makes them."""
     titles = re.findall(r"^#+ (.*)$", BLOCK.sub("", text), re.MULTILINE)

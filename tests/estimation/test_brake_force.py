@@ -54,14 +54,11 @@ def test_groups_are_sums_of_their_cars():
 def test_the_coupler_force_of_6_is_that_of_a_train_without_relative_motion():
     _, couplers = rigid_train(FORCE, FOUR_MASSES, 0.0, 0.0 * FOUR_MASSES)
     for k in (1, 2, 3):
-        front, rear = (
-            (FORCE[:k].sum(), FOUR_MASSES[:k].sum()),
-            (FORCE[k:].sum(), FOUR_MASSES[k:].sum()),
-        )
+        front = FORCE[:k].sum(), FOUR_MASSES[:k].sum()
+        rear = FORCE[k:].sum(), FOUR_MASSES[k:].sum()
         assert coupler_force_between(*front, *rear) == pytest.approx(couplers[k - 1])
-    assert (
-        coupler_force_between(60e3, 96e3, 0.0, 295e3) < 0.0
-    )  # only the front braked: the rear pushes
+    only_front = coupler_force_between(60e3, 96e3, 0.0, 295e3)
+    assert only_front < 0.0  # the rear pushes
     assert coupler_force_between(0.5 * 96e3, 96e3, 0.5 * 60e3, 60e3) == pytest.approx(0.0)
 
 

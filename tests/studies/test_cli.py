@@ -2,16 +2,24 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+import tomllib
+from functools import partial
 
 import pandas as pd
 import pytest
 
 from studies import cli
 from studies.cli import run
+from tests.cases import looped
+
+ROOT = cli.Path(cli.__file__).parents[1]
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
+strict = partial(json.loads, parse_constant=pytest.fail)
 
 SMALL = ["--scenario", "wet-patch", "--rules", "alone", "cooperative", "--controllers", "perturb-observe", "--seeds", "2",
          "--jobs", "1"]  # fmt: skip
@@ -61,13 +69,11 @@ def test_compare_and_again(capsys, elsewhere):
         "figure.pdf",
         "rows.jsonl",
         "rows.parquet",
-        "table.csv",
-        "table.md",
-        "table.parquet",
+        *(f"table.{kind}" for kind in ("csv", "md", "parquet")),
     ]
     assert printed(capsys, "compare", *SMALL) == told
     assert printed(capsys, "compare", *SMALL, "--dry-run") == "4 runs, of which 0 are to be made\n"
-    told = json.loads(printed(capsys, "compare", *SMALL, "--json"))
+    told = strict(printed(capsys, "compare", *SMALL, "--json"))
     assert {row["rule"] for row in told["rows"]} == {"alone", "cooperative"}
     assert "bound_use" in told["metrics"]
 
@@ -77,30 +83,36 @@ def test_simulate(capsys, elsewhere):
     assert "bound_use" in told
     assert (elsewhere / "run.nc").stat().st_size > 1e5
     assert (elsewhere / "run.png").stat().st_size > 1e4
-    every = json.loads(printed(capsys, "simulate", "wet-patch", "--json"))
+    every = strict(printed(capsys, "simulate", "wet-patch", "--json"))
     assert every["metrics"]["headroom"] > 0.0
-    assert (
-        len(printed(capsys, "simulate", "wet-patch", "--all").splitlines())
-        == len(every["metrics"]) + 1
-    )
+    told = printed(capsys, "simulate", "wet-patch", "--all")
+    assert len(told.splitlines()) == len(every["metrics"]) + 1
+
+
+@pytest.mark.slow
+@looped("command", [
+    "sweep claims --events 1", "benchmark --events 1", "rank none --events 1", "check greedy", "simulate wet-stop",
+])  # fmt: skip
+def test_json_is_strict(capsys, command):
+    assert strict(printed(capsys, *command.split(), "--json"))
 
 
 def test_names(capsys):
-    told = json.loads(printed(capsys, "list", "--json"))
-    assert {
-        "scenarios",
-        "rules",
-        "controllers",
-        "curves",
-        "trains",
-        "studies",
-        "figures",
-        "metrics",
-    } == set(told)
+    told = strict(printed(capsys, "list", "--json"))
+    kinds = "scenarios rules controllers curves trains studies figures metrics"
+    assert set(kinds.split()) == set(told)
     assert all(words for names in told.values() for words in names.values())
     assert "wear " in printed(capsys, "list", "rules")
     assert "Polach" in printed(capsys, "cite")
-    assert "@" in printed(capsys, "cite", "--bibtex")
+    first = printed(capsys, "cite", "--bibtex").partition("\n}\n")[0]
+    assert first.startswith("@software{readhesion,")
+    lines = re.findall(
+        r'^[ -]*(\w+): "?([^"\n]+)', (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE
+    )
+    by, title, number, terms = (dict(lines)[key] for key in ("name", "title", "version", "license"))
+    assert all(f"{{{one}}}" in first for one in (by, title, number, terms))
+    assert number == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert printed(capsys, "cite").startswith(f"{by}. {title}. {number}, {terms}.\n")
 
 
 def test_own_rule(capsys, elsewhere):
@@ -117,8 +129,7 @@ def test_own_study_counts_with_its_folder(capsys, elsewhere):
     for factor in (2, 3):
         (elsewhere / "helper.py").write_text(f"FACTOR = {factor}\n")
         command = [sys.executable, "-m", "studies.cli", "sweep", "study.py", "--jobs", "2"]
-        environment = os.environ | {"PYTHONPATH": str(cli.Path(cli.__file__).parents[1])}
-        subprocess.run(command, check=True, env=environment, capture_output=True)
+        subprocess.run(command, check=True, env=ENVIRONMENT, capture_output=True)
         rows = pd.read_parquet(elsewhere / "results" / "own" / "rows.parquet")
         assert list(rows["value"]) == [0, factor, 2 * factor, 3 * factor]
 
@@ -203,20 +214,9 @@ def test_a_faulty_plugin_is_one_line(capsys, elsewhere, source, words):
 
 
 def test_a_command_that_is_stopped_keeps_its_rows_and_goes_on(elsewhere):
-    command = [
-        sys.executable,
-        "-m",
-        "studies.cli",
-        "compare",
-        "--rules",
-        "alone",
-        "--controllers",
-        "none",
-        "--jobs",
-        "2",
-    ]
-    environment = os.environ | {"PYTHONPATH": str(cli.Path(cli.__file__).parents[1])}
-    one = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+    command = ["compare", "--rules", "alone", "--controllers", "none", "--jobs", "2"]
+    program = [sys.executable, "-m", "studies.cli", *command]
+    one = subprocess.Popen(program, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
     while not (elsewhere / "results" / "compare" / "rows.jsonl").exists():
         assert one.poll() is None
         time.sleep(0.02)
@@ -225,17 +225,12 @@ def test_a_command_that_is_stopped_keeps_its_rows_and_goes_on(elsewhere):
     if one.returncode:  # else it had just ended
         assert one.returncode == 130
         assert "finished rows are kept" in told
-    assert run(command[3:]) == 0
+    assert run(command) == 0
 
 
 def test_nobody_reads_on(elsewhere):
     command = f"{sys.executable} -m studies.cli list | head -1"
-    environment = os.environ | {"PYTHONPATH": str(cli.Path(cli.__file__).parents[1])}
-    found = subprocess.run(
-        ["bash", "-c", f"set -o pipefail; {command}"],
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
+    shell = ["bash", "-c", f"set -o pipefail; {command}"]
+    found = subprocess.run(shell, env=ENVIRONMENT, capture_output=True, text=True)
     assert found.stderr == ""
     assert found.returncode in (0, 141)

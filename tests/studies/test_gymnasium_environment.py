@@ -33,6 +33,8 @@ def play(env, agent, info=None, steps=10_000):
 @pytest.mark.parametrize("given", [{}, {"units": [1], "others": "none"}, {"scenario": "wet-stop"}])
 def test_gymnasium_accepts_it(given):
     check_env(gymnasium.make("readhesion/train-v0", **given).unwrapped)
+    for units in (np.array([0]), range(1), (0,), 0):
+        assert ReadhesionEnvironment(units=units).units == [0]
 
 
 @pytest.mark.parametrize("name", ["wet-start", "wet-stop"])
@@ -63,8 +65,9 @@ def test_a_copy_goes_on_as_the_original_does(again):
 
 
 def test_what_cannot_be_is_said():
-    for given in ({"units": [8]}, {"others": "mcp"}, {"rule": "oracle"}):
-        with pytest.raises(InputError, match=str(*given.values()).strip("[]")):
+    wrong = [{"units": one} for one in ([8], [-1], [0.0], [1, 1], [], True, "0")]
+    for given in (*wrong, {"others": "mcp"}, {"rule": "oracle"}):
+        with pytest.raises(InputError, match=str(*given.values()).strip("[]") or "distinct"):
             ReadhesionEnvironment(**given)
     env = ReadhesionEnvironment(short("wet-start"), units=[0])
     for actions in ([0.5], [np.nan], [1.1], [0.0, 0.0]):
