@@ -23,7 +23,7 @@ from alloc.errors import AllocationError
 from alloc.onboard.beliefs import ROOM
 from alloc.rules.cooperative import WEAR
 from alloc.rules.exact import exact_limits, level_between
-from alloc.rules.problem import Allocation, AllocationProblem, Floats, allocated
+from alloc.rules.problem import ROUNDING, Allocation, AllocationProblem, Floats, allocated
 from alloc.rules.qp import TOLERANCE, judged, leaves_no_choice
 from alloc.rules.rule import Rule
 
@@ -241,7 +241,8 @@ def answer_wear(problem: AllocationProblem) -> Allocation:
     """Limits of least wear; units at their bounds are left to search, as `wear` leaves them."""
     found = _solve_wear(problem)
     room = np.where(problem.searching > 0.0, ROOM, 1.0) * problem.mark
-    at_bound = found.limit >= problem.upper - TOLERANCE * problem.expected
+    # of bounds below its tolerance the solver cannot tell
+    at_bound = filled(problem)[0] >= problem.upper * (1.0 - ROUNDING)
     limit = np.where(at_bound, np.maximum(room, problem.plan), found.limit)
     return allocated(problem, limit, case=found.case, status=found.status, gap=found.gap)
 
