@@ -18,7 +18,7 @@ STUDIES = (
     "benchmark", "tuning", "assumptions", "mpc_parts",
     "claims", "braking", "learning",  # JP5484215
     "readhesion_paper", "jp4209318", "rtri", "jph07322414",
-    "measured",
+    "measured", "solvers",
 )  # fmt: skip
 
 
