@@ -219,10 +219,9 @@ def run(library: str, solver: str, versions: str, event: int, seed: int) -> list
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
-    """A line per solver and setting: worst numbers where it says solved, shares of verdicts, median times.
+    """By solver and setting: worst numbers where it says solved, shares of verdicts, times over the exact level's.
 
-    `wrong`: solved, it says, and is not; `failed`: of feasible problems; `unknown`: infeasible ones that are not called so;
-    `numbers`: those with finite numbers all the same. Times are over that of the exact level, compiled.
+    Failed are shares of feasible problems, unknown and numbers of infeasible ones; docs/solvers.md explains the columns.
     """
     lines = list[Row]()
     for key, part in rows.groupby(["solver", "by", "setting"], sort=False):
@@ -234,7 +233,7 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
             "unknown [%]": refused & ~named[~feasible],
             "numbers [%]": refused & part.loc[~feasible, "numbers"],
         }
-        line: Row = dict(zip(("solver", "by", "setting"), key, strict=True), problems=len(part))
+        line: Row = dict(zip(("solver", "by", "setting"), key, strict=True))
         line |= {name: f"{part.loc[solved, name].max():.0e}" for name in ("distance", "violation")}
         line |= {name: round(100.0 * share.mean()) for name, share in shares.items()}
         line |= {name: f"{(part[name] / part['exact']).median():.0f}" for name in ("build", "time")}

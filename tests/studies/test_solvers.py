@@ -45,8 +45,8 @@ def test_what_a_solver_does_wrong_is_noticed():
     tasks = [keys | {"family": family} for family in ("plain", "infeasible")]
     for solver in wanted:
         several = solvers.tried(by_level, solver, tasks, 0.5 if solver == "hangs" else 60.0)
-        rows += [row | {"solver": solver, "by": ""} for row in several]
-    lines = solvers.table(pd.DataFrame(rows)).set_index("solver").iloc[:, [5, 6, 7, 8, 11]]
+        rows += [row | {"solver": solver, "by": "test"} for row in several]
+    lines = solvers.table(pd.DataFrame(rows)).set_index("solver").iloc[:, [4, 5, 6, 7, 10]]
     assert dict(zip(lines.index, lines.to_numpy().tolist(), strict=True)) == wanted
 
 
