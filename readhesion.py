@@ -76,19 +76,20 @@ def simulate(
     event: _Named | Event,
     rule: str | Rule = "cooperative",
     controller: str | Controller = "perturb-observe",
-    seed: int = 0,
+    seed: int | None = None,
 ) -> _xr.Dataset:
     """Run one slip event under a rule and a readhesion controller; returns the recorded run, see `alloc.record`.
 
-    `event`: the name of a scenario, the path of its file, a `Scenario`, or an `Event`, which has its draws already. `seed`
-    determines all that a scenario draws. Raises `InputError` for what cannot be simulated.
+    `event`: the name of a scenario or of a drawn event, the path of a file, a `Scenario`, or an `Event`, which has its draws
+    already. `seed` determines all that a scenario draws; left out: 0, or a drawn event's number. Raises `InputError` for what cannot be simulated.
     """
-    _check("seed", seed, 0)
+    _check("seed", 0 if seed is None else seed, 0)
     if isinstance(event, Event):
         if seed:
             raise _StudyError(f"seed = {seed}: an event has its draws; give its scenario")
         return _simulation.simulate(event, rule, controller)
     scenario = _scenario(event)
+    seed = scenario.first_seed if seed is None else seed
     if isinstance(rule, str) and isinstance(controller, str):
         return _recorded(scenario, rule, controller, seed)
     return _simulation.simulate(scenario.event(seed), rule, controller)

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from alloc import laws
 from alloc.backends import compiled as law
 from alloc.compilation import inlined, jit
-from alloc.errors import PlantError
+from alloc.errors import PlantError, blamed_on
 from alloc.records import PlantRecord, quantity
 from alloc.registry import Registry
 
@@ -290,7 +290,8 @@ def shape_table(shape: Callable[[Floats], ArrayLike], owner: str) -> Floats:
     Raises `PlantError` for a shape that does not rise from 0 to one maximum.
     """
     slip = np.append(0.0, np.geomspace(1e-4, LARGEST, 20_000))
-    values = np.asarray(shape(slip), dtype=float)
+    with blamed_on(owner, shape):
+        values = np.asarray(shape(slip), dtype=float)
     if values.shape != slip.shape or not np.all(np.isfinite(values)) or values.min() < -1e-9:
         raise PlantError(f"{owner}: give a finite value, 0 or greater, for every slip velocity")
     best = int(values.argmax())
@@ -407,8 +408,8 @@ def own_curve(name: str, shape: Callable[[Floats], ArrayLike] | ArrayLike) -> Ta
 
 POLACH_WET, POLACH_DRY = PolachCurve(), DryPolachCurve()
 
-CURVES: Registry[type[AdhesionCurve]] = Registry("adhesion curve")
-"""Adhesion curves by the name that files give them."""
+CURVES: Registry[Any] = Registry("adhesion curve")
+"""Adhesion curves by the name that files give them: a class, whose fields are keys, or a curve that has none."""
 for _name, _class in {
     "piecewise": PiecewiseCurve, "polach": PolachCurve, "slip-ratio": SlipRatioCurve, "rational": RationalCurve,
     "polach-wet": PolachCurve, "polach-dry": DryPolachCurve, "polach-by-friction": CreepCurve,

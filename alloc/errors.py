@@ -1,11 +1,24 @@
 """Errors, each of one line that names the thing and says what to do."""
 
+import linecache
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from difflib import get_close_matches
+from inspect import unwrap
+from pathlib import Path
+from traceback import walk_tb
+from typing import Any
+
 
 class InputError(ValueError):
     """The input is impossible; the message names it and says what to do."""
 
     fault: str = ""
     """The message of a record without the name of the record."""
+    names_its_part = False
+    """Whether the message begins with a part of a user's, see `blamed_on`."""
 
 
 class PlantError(InputError):
@@ -30,3 +43,60 @@ class EstimationError(InputError):
 
 class UnsoundRun(ArithmeticError):
     """A run or a metric of it broke a law that all keep: a fault of the program, and its numbers count for nothing."""
+
+
+class CodeFault(InputError):
+    """A user's function has a name that does not exist, or cannot be compiled: no problem or event is to blame."""
+
+
+NOT_USERS = (
+    *(str(Path(__file__).parents[1] / name) + os.sep for name in ("alloc", "mpc", "studies")),
+    str(Path(os.__file__).parent), "<frozen",
+)  # fmt: skip
+"""How names of files begin that are this project's, or Python's and its libraries'."""
+
+
+@contextmanager
+def blamed_on(part: str, function: Any = None) -> Iterator[None]:
+    """Raise what goes wrong within as an `InputError` of one line: `part`, file and line, reason, and the nearest name.
+
+    The line is the user's last that the error came through; without one, of `function` that with the missing name, or the
+    first.
+    """
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        if getattr(error, "names_its_part", False):
+            raise
+        plain = unwrap(getattr(function, "func", function))
+        code = getattr(plain, "__code__", None) or getattr(type(plain).__call__, "__code__", None)
+        places = [(code.co_filename, code.co_firstlineno)] if code else []
+        places += [(frame.f_code.co_filename, at) for frame, at in walk_tb(error.__traceback__)]
+        compiles = any(f"{os.sep}numba{os.sep}" in path for path, _ in places)
+        if loc := getattr(error, "loc", None):  # Numba's
+            places.append((loc.filename, loc.line))
+        own = [at for at in places if not at[0].startswith(NOT_USERS) and "-packages" not in at[0]]
+        file, line = own[-1] if own else ("", 0)
+        text, missing = " ".join(str(error).split()) or "no message", None
+        if "NoneType" not in text and (compiles or isinstance(error, NameError | AttributeError)):
+            missing = re.search(r"(?:attribute|name) '?(\w+)|^'(\w+)'$", text)
+        if compiles and not missing:
+            text = f"{text:.300}; without the decorator Python serves it"
+        if missing:
+            from alloc.columns import AXLE, RUN, UNIT
+
+            name, lines = missing[1] or missing[2], linecache.getlines(file)
+            searched = [*range(line, len(lines) + 1), *range(1, line)] if len(own) == 1 else []
+            line = next((k for k in searched if re.search(rf"\b{name}\b", lines[k - 1])), line)
+            known = {*dir(getattr(error, "obj", None)), *re.findall(r"\w+", "".join(lines))}
+            known |= {column for table in (AXLE, RUN, UNIT) for column in table.columns}
+            nearest = get_close_matches(name, known - {name}, 1, 0.7)
+            text += f"; did you mean {nearest[0]!r}?" if nearest else ""
+        kind, fault = type(error), "fault"
+        if not isinstance(error, InputError):
+            kind, fault = CodeFault if missing or compiles else InputError, kind.__name__
+            text = text if own else f"{fault}: {text}"
+        place = f" of {file}" * (file not in part) + f": {fault} in line {line}" if own else ""
+        named: Any = kind(f"{part}{place}: {text}")
+        named.fault, named.names_its_part = getattr(error, "fault", ""), True
+        raise named from error

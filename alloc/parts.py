@@ -12,11 +12,9 @@ from collections.abc import Callable
 from typing import Any
 
 from numba import boolean, float64, int64, types, void
-from numba.core.errors import NumbaError
 
 from alloc.columns import AXLE, RUN, UNIT
 from alloc.compilation import jit
-from alloc.errors import InputError
 
 LAW = float64(UNIT.type, RUN.row)
 BELIEF = boolean(int64, UNIT.type, UNIT.said[:, ::1], int64[:, ::1], RUN.row)
@@ -24,7 +22,10 @@ CONTROL = void(UNIT.row, AXLE.type, float64[::1], RUN.row)
 LAW_TYPE, BELIEF_TYPE, CONTROL_TYPE = (types.FunctionType(one) for one in (LAW, BELIEF, CONTROL))
 
 law: Any = jit
-"""Decorator of a compiled `law(units, run) -> level` [1]; nan for a rule without one. `run.case` becomes 1 (A) or 2 (B)."""
+"""Decorator of a compiled `law(units, run) -> level` [1]; nan for a rule without one.
+
+It may set `run.case` to 1 (A) or 2 (B); else caps and torque limits say which it is.
+"""
 belief: Any = jit
 """Decorator of a compiled `belief(tick, units, said, heard, run) -> bool`.
 
@@ -42,15 +43,3 @@ controller's own row of this unit, read as `memory.view(ROW)[0]`.
 def are_compiled(*functions: Callable[..., Any]) -> bool:
     """Whether all of them are compiled, so that the loop of a run can call them."""
     return all(hasattr(one, "py_func") for one in functions)
-
-
-def ready(function: Any, signature: Any) -> Any:
-    """`function`, compiled for `signature`; raises `InputError` where that is impossible."""
-    try:
-        function.compile(signature)
-    except NumbaError as error:
-        name, fault = function.py_func.__name__, " ".join(str(error).split())[:300]
-        raise InputError(
-            f"{name} cannot be compiled; leave out the decorator to have it served by Python: {fault}"
-        ) from None
-    return function

@@ -5,7 +5,6 @@ loop is compiled where rule and controller are; else the same pieces are called 
 """
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -16,7 +15,7 @@ from numba import boolean, int64, typeof, void
 from numba.extending import register_jitable
 
 from alloc.compilation import jit, part
-from alloc.errors import InputError, SimulationError
+from alloc.errors import SimulationError, blamed_on
 from alloc.event import Event
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.sensing import report, sense
@@ -24,20 +23,13 @@ from alloc.onboard.slide import protect
 from alloc.onboard.speed import ease
 from alloc.onboard.targets import ask_brakes, foresee, set_brake_targets, set_targets, trailers_lack
 from alloc.onboard.telegrams import set_limits
-from alloc.parts import (
-    BELIEF,
-    BELIEF_TYPE,
-    CONTROL,
-    CONTROL_TYPE,
-    LAW,
-    LAW_TYPE,
-    are_compiled,
-    ready,
-)
+from alloc.parts import BELIEF, BELIEF_TYPE, CONTROL, CONTROL_TYPE, LAW, LAW_TYPE, are_compiled
 from alloc.plant import advance, derivative, note, true_limits
 from alloc.record import dataset, room
 from alloc.registry import Registry
 from alloc.rules import RULES, Rule
+from alloc.rules.baselines import case_of
+from alloc.rules.problem import ROUNDING
 
 
 def simulate(
@@ -85,27 +77,33 @@ class Simulation:
     def go_on(self) -> None:
         """Run to the end, from where the run is."""
         started = time.perf_counter()
-        belief, law, control = self.rule.belief.function, self.rule.law, self.controller.control
-        parts: tuple[Any, ...] = belief, law, control
-        if are_compiled(*parts):
-            parts = ready(belief, BELIEF), ready(law, LAW), ready(control, CONTROL)
+        parts = {
+            f"belief {self.rule.belief.name!r}": (self.rule.belief.function, BELIEF),
+            f"rule {self.rule.name!r}": (self.rule.law, LAW),
+            f"controller {self.controller.name!r}": (self.controller.control, CONTROL),
+        }
+        functions = [function for function, _ in parts.values()]
+        if are_compiled(*functions):
+            for name, (function, signature) in parts.items():
+                with blamed_on(name, function):
+                    function.compile(signature)
             loop = compiled_steps(typeof(self.world), typeof(self.record))
-            loop(*parts, self.knows, self.tick, self.world, self.record)
+            loop(*functions, self.knows, self.tick, self.world, self.record)
         else:
-            with np.errstate(all="ignore"):  # as compiled code has it
-                self._served(*parts)
+            named = [(name, one) for name, (one, _) in parts.items()]
+            served = [
+                one if are_compiled(one) else blamed_on(name, one)(one) for name, one in named
+            ]
+            in_python: Any = steps
+            # as compiled code has it
+            with np.errstate(all="ignore"), blamed_on(" or ".join(parts)):
+                in_python(*served, self.knows, self.tick, self.world, self.record)
+        limits, period = self.record.units.wanted, self.event.onboard.period
+        with blamed_on(f"rule {self.rule.name!r}", self.rule.law):
+            for k, j in np.argwhere(~(limits >= -ROUNDING))[:1]:
+                raise SimulationError(f"limit[{j}] is {limits[k, j]:.6g} at {k * period:g} s")
         self.tick = self.ticks
         self.wall_time += time.perf_counter() - started
-
-    def _served(self, *parts: Callable[..., Any]) -> None:
-        try:
-            in_python: Any = steps
-            in_python(*parts, self.knows, self.tick, self.world, self.record)
-        except InputError:
-            raise
-        except Exception as error:
-            names = f"rule {self.rule.name!r} or controller {self.controller.name!r}"
-            raise InputError(f"{names} failed: {type(error).__name__}: {error}") from error
 
     def aim(self) -> None:
         """Go to the next instant's targets: readings, belief, rule, limits."""
@@ -227,7 +225,10 @@ def aim(belief, law, knows, k, w, record):
         )  # fmt: skip
     if belief(k, w.units, record.units, w.heard, run):
         run.asked += 1
+        run.case = 0
         run.level = law(w.units, run)
+        if run.case == 0:
+            run.case = case_of(w.units, run)
     set_aims(k, w, record)
 
 

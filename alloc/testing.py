@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from alloc.curves import CURVES, LARGEST, POLACH_WET, AdhesionCurve, PiecewiseCurve, SlipRatioCurve
-from alloc.errors import InputError
+from alloc.errors import InputError, blamed_on
 from alloc.event import DriverCommand, Event
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.rail import Patch, Rail
 from alloc.rules import RULES
-from alloc.rules.testing import Law, check, check_rule
+from alloc.rules.testing import Law, Verdict, check, check_rule
 from alloc.sets import find_set
 from alloc.simulation import simulate
 
@@ -84,7 +84,7 @@ CONTROLLER_LAWS = (
 )  # fmt: skip
 
 
-def check_controller(controller: Controller, tolerance: float = 1e-6) -> dict[str, float]:
+def check_controller(controller: Controller, tolerance: float = 1e-6) -> dict[str, Verdict]:
     """Worst amount of every law of controllers; raises `BrokenLaw` for one that is broken by over `tolerance`."""
     return check(controller, controller.name, CONTROLLER_LAWS, tolerance)
 
@@ -127,13 +127,14 @@ CURVE_LAWS = (
 )  # fmt: skip
 
 
-def check_curve(curve: Any, tolerance: float = 1e-6) -> dict[str, float]:
+def check_curve(curve: Any, tolerance: float = 1e-6) -> dict[str, Verdict]:
     """As `check_controller`, of an adhesion curve; of a class by its defaults."""
-    curve = curve() if isinstance(curve, type) else curve
-    return check(curve, type(curve).__name__, CURVE_LAWS, tolerance)
+    with blamed_on(f"adhesion curve {getattr(curve, '__name__', '')}"):
+        curve = curve() if isinstance(curve, type) else curve
+    return check(curve, getattr(curve, "name", type(curve).__name__), CURVE_LAWS, tolerance)
 
 
-def check_part(name: str, tolerance: float = 1e-6) -> dict[str, float]:
+def check_part(name: str, tolerance: float = 1e-6) -> dict[str, Verdict]:
     """Check the rule, controller or curve of this name; raises `InputError` where there is none."""
     kinds: Any = (RULES, check_rule), (CONTROLLERS, check_controller), (CURVES, check_curve)
     for parts, kept_by in kinds:

@@ -7,6 +7,7 @@ stopped by a signal.
 import io
 import json
 import os
+import shutil
 import signal
 import sys
 import warnings
@@ -14,6 +15,7 @@ from collections.abc import Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
@@ -94,7 +96,7 @@ def simulate(
     *,
     rule: str = "cooperative",
     controller: str = "perturb-observe",
-    seed: Seed = 0,
+    seed: Seed | None = None,
     out: Path | None = None,
     figure: Path | None = None,
     every: Annotated[Flag, Parameter("--all")] = False,
@@ -103,10 +105,10 @@ def simulate(
     """Run one slip event and print its main metrics.
 
     Args:
-        scenario: Name of a shipped scenario, or a TOML file.
+        scenario: Name of a shipped scenario or of a drawn event, as population-65-0002, or a TOML file.
         rule: Allocation rule.
         controller: Readhesion controller.
-        seed: Seed of what the event draws; 0 is the event as its file says.
+        seed: Seed of what the event draws; 0 is the event as its file says [default: 0, or a drawn event's number].
         out: File for the recorded run (netCDF, .nc; MATLAB, .mat).
         figure: File for a figure of it (pdf, png or svg).
         every: Print every metric.
@@ -121,6 +123,7 @@ def simulate(
     from studies.scenario import load, remarks
 
     event = load(scenario)
+    seed = event.first_seed if seed is None else seed
     RULES.find(rule)
     CONTROLLERS.find(controller)
     _check_file(out, ".nc", ".mat")
@@ -145,7 +148,7 @@ def simulate(
     for name in shown:
         told = "–" if values[name] != values[name] else f"{values[name]:.4g}"
         unit, meaning = METRICS[name].unit.removeprefix("1"), METRICS[name].description
-        _print_line(f"  {name:19}{told:>9} {unit:6}{meaning}")
+        _print_line(f"  {name:19}{told:>9} {unit:6}", meaning)
     if not every:
         print(f"  {len(values) - len(shown)} more: --all")
 
@@ -310,7 +313,7 @@ def figures(
         print(f"{len(chosen)} figures to draw")
         return
     for path in paper_figs.draw(chosen, results, out, kind):
-        _print_line(f"{path}: {chosen[path.stem].caption}")
+        _print_line(f"{path}: ", chosen[path.stem].caption)
 
 
 @app.command(name="list")
@@ -336,7 +339,7 @@ def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
     for title, names in found.items():
         print(f"{title}:")
         for name, words in names.items():
-            _print_line(f"  {name:21} {words}")
+            _print_line(f"  {name:21} ", words)
 
 
 @app.command
@@ -350,18 +353,20 @@ def check(name: str, *, tolerance: float = 1e-6, as_json: Json = False) -> int:
     """
     from alloc.rules.testing import BrokenLaw
     from alloc.testing import check_part
+    from studies.plugins import try_own_parts
 
+    try_own_parts([name], [name])
+    broken: list[str] = []
     try:
-        worst = check_part(name, tolerance)
+        verdicts = check_part(name, tolerance)
     except BrokenLaw as error:
-        _say(str(error))
-        return FAILED
+        verdicts, broken = error.verdicts, error.broken
     if as_json:
-        _print_json(worst)
+        _print_json({law: one if one < 1e300 else None for law, one in verdicts.items()})
     else:
-        for law, amount in worst.items():
-            print(f"kept  {law:14} within {amount:.1e}")
-    return 0
+        print(*verdicts.values(), sep="\n")
+    _say(*broken)
+    return FAILED if broken else 0
 
 
 @app.command
@@ -475,9 +480,10 @@ def _print_json(value: object) -> None:
     print(json.dumps(json.loads(text, parse_constant=lambda _: None), indent=1, allow_nan=False))
 
 
-def _print_line(text: str) -> None:
-    """As much of it as a terminal shows in a line."""
-    print(text[: os.get_terminal_size().columns] if sys.stdout.isatty() else text)
+def _print_line(head: str, text: str) -> None:
+    """At a terminal in as many lines as `text` needs beside `head`."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
+    print(fill(text, width, initial_indent=head, subsequent_indent=" " * min(len(head), 38)))
 
 
 def _say(*messages: str) -> None:
@@ -551,7 +557,7 @@ def main() -> None:
         code = run()
     except KeyboardInterrupt as stopped:
         code = 128 + (stopped.args[0] if stopped.args else signal.SIGINT)
-        _say("stopped; finished rows are kept, the same command goes on")
+        _say("; ".join(["stopped", *getattr(stopped, "__notes__", ())]))
     for number in signals:  # nothing is left to stop
         signal.signal(number, signal.SIG_IGN)
     sys.exit(code)

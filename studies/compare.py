@@ -45,9 +45,9 @@ class Grid(NamedTuple):
     def cells(self) -> list[Cell]:
         """By event, so that neighbours share what they prepare."""
         return [
-            cell(one, rule, law, seed)
+            cell(one, rule, law, one.first_seed + k)
             for one in self.scenarios
-            for seed in range(self.seeds if self.seeds > 1 and draws(one) else 1)
+            for k in range(self.seeds if self.seeds > 1 and draws(one) else 1)
             for law in self.controllers
             for rule in self.rules
         ]
@@ -101,6 +101,8 @@ class Standing(NamedTuple):
 
     controller: str
     rule: str
+    events: int
+    runs: int
     used: Interval
     gain: Interval
     damage: Interval
@@ -130,7 +132,8 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
     rules = list(dict.fromkeys(good["rule"]))
     means = good.pivot(index=["scenario", "seed"], columns="rule", values=NUMBERS)
     means = means.loc[means[EFFORT][rules].notna().all(axis=1)]  # rules are paired by seed
-    if means.index.get_level_values("scenario").nunique() >= FEW:
+    runs, events = len(means), means.index.get_level_values("scenario").nunique()
+    if events >= FEW:
         means = means.groupby(level="scenario").mean()
 
     def less(name: str, rule: str, other: str) -> Interval:
@@ -149,7 +152,7 @@ def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
         )
         tied = rule in ranked and (rule == best or less(EFFORT, best, rule).tied(NEGLIGIBLE))
         numbers = used, gain, damage, slip, float(over[rule]), tied, float(gaps[rule])
-        found.append(Standing(controller, rule, *numbers, mark))
+        found.append(Standing(controller, rule, events, runs, *numbers, mark))
     return sorted(found, key=lambda one: -one.used.value)
 
 
@@ -167,7 +170,7 @@ def frame(found: Sequence[Standing]) -> pd.DataFrame:
     """Standings as numbers: shares of the bound, kJ, axle seconds, with intervals; `gap` is empty without a solver."""
     rows = []
     for one in found:
-        row: Row = {"controller": one.controller, "rule": one.rule, "events": one.used.events}
+        row: Row = {key: getattr(one, key) for key in ("controller", "rule", "events", "runs")}
         for name in ("used", "gain", "damage", "slip"):
             number: Interval = getattr(one, name)
             row |= {name: number.value, f"{name}_low": number.low, f"{name}_high": number.high}
@@ -250,7 +253,7 @@ def answer(found: Sequence[Standing]) -> str:
         )
         gain = tied[0].gain.text(2, 100.0, sign=True)
         said.append(f"Under {controller}, {names} {told}: {gain} points over {REFERENCE}{ideal}.")
-    if said and found[0].used.events < FEW:
+    if said and found[0].events < FEW:
         said.append("Intervals are over seeds of few events and say nothing of others.")
     return "\n".join(said) or f"Nothing was compared with {REFERENCE}: the table has the numbers."
 

@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import closing, contextmanager, redirect_stdout, suppress
@@ -29,7 +30,7 @@ from rich.progress import MofNCompleteColumn, Progress
 
 from alloc.files import write_whole
 from studies import SourcesChanged, StudyError, WorkerLost
-from studies.plugins import load_plugins, loaded_files
+from studies.plugins import ASKED, load_plugins, loaded_files, slow
 from studies.row_key import ROWS, folder_hash, key_of, read_anew
 from studies.statistics import Statement, statement_table, told
 
@@ -235,6 +236,11 @@ def run_study(
     if retry_failed:
         rows = {key: own for key, own in rows.items() if not own or own[0]["status"] != "failed"}
     todo = [one for one in cells.items() if one[0] not in rows]
+    if slowed := [one for _, one in todo if one.columns.get("rule") in slow]:
+        spent = sum(slow[one.columns["rule"]] * ASKED * one.args[0].duration_s for one in slowed)
+        warnings.warn(
+            f"these {len(todo)} runs take about {spent / 60.0 / jobs:.1f} min", stacklevel=2
+        )
     size = min(TOGETHER, len(todo) // (8 * jobs) + 1)
     tasks = (pickle.dumps((study.run, todo[k : k + size])) for k in range(0, len(todo), size))
     if todo:
@@ -286,7 +292,7 @@ def _do(task: bytes) -> dict[str, list[Row]]:
                 f"{in_one_line(error)}; what was computed is kept: run again with fewer jobs"
             ) from None
         except Exception as error:
-            at = traceback.extract_tb(error.__traceback__)[-1]
+            at = traceback.extract_tb((error.__cause__ or error).__traceback__)[-1]
             place = f"{Path(at.filename).name}:{at.lineno}"
             rows = [{"status": "failed", "reason": f"{in_one_line(error)} (at {place})"}]
         spent = (time.perf_counter() - start) / max(1, len(rows))
@@ -301,7 +307,14 @@ def _progress(name: str, total: int, quiet: bool) -> Iterator[Callable[[int], No
     off = quiet or not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=off) as bar:
         task = bar.add_task(f"{name} (compiles at first)", total=total)
-        yield lambda cells: bar.advance(task, cells)
+        try:
+            yield lambda cells: bar.advance(task, cells)
+        except KeyboardInterrupt as stopped:
+            if made := round(bar.tasks[0].completed):
+                stopped.add_note(
+                    f"finished rows are kept, {made} of {total}; the same command goes on"
+                )
+            raise
 
 
 def missing(

@@ -5,7 +5,7 @@ import importlib
 import linecache
 import sys
 import time
-import traceback
+import warnings
 from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from alloc.errors import InputError
+from alloc.errors import InputError, blamed_on
 from alloc.metrics import METRICS, Metric
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.registry import Registry
@@ -54,20 +54,21 @@ def _load(path: str) -> ModuleType:
     started = time.time()
     sys.path.insert(0, str(Path(path).parent))  # its helpers lie beside it
     try:
-        if path.endswith(".toml"):
-            from studies.trains import train_keys
+        # stdout is for results
+        with redirect_stdout(sys.stderr), blamed_on(f"plug-in {path!r} cannot be loaded"):
+            if path.endswith(".toml"):
+                from studies.trains import train_keys
 
-            train = train_keys(path).train
-            SETS.register(train.name, lambda: train, name)
-        else:
-            with redirect_stdout(sys.stderr):  # stdout is for results
+                train = train_keys(path).train
+                SETS.register(train.name, lambda: train, name)
+            else:
                 exec(compile(Path(path).read_bytes(), path, "exec"), vars(module))
-        makers = {one.partition(".")[0] for one, at in Registry.registered.items() if at >= started}
-        if makers <= PACKAGES and not hasattr(module, "STUDY"):
-            raise InputError("it registers no part and has no STUDY")
-    except (Exception, SystemExit) as error:
+            made = {one.split(".")[0] for one, at in Registry.registered.items() if at >= started}
+            if made <= PACKAGES and not hasattr(module, "STUDY"):
+                raise InputError("it registers no part and has no STUDY")
+    except InputError:
         del sys.modules[name]
-        raise InputError(f"plug-in {path!r} cannot be loaded: {_said(error, path)}") from None
+        raise
     finally:
         sys.path.remove(str(Path(path).parent))
     _loaded[path] = module
@@ -93,11 +94,8 @@ def refresh() -> None:
         if _loaded.pop(file, None):
             _load(file)
             continue
-        try:
+        with blamed_on(f"{file!r} was edited and cannot be loaded"):
             importlib.reload(sys.modules[name])
-        except (Exception, SystemExit) as error:
-            reason = f"was edited and cannot be loaded: {_said(error, file)}"
-            raise InputError(f"{file!r} {reason}") from None
         _hashes[name] = folder_hash(file)
     if edited:
         from studies.runs import event_of
@@ -120,66 +118,62 @@ def _is_edited(name: str) -> bool:
     return bool(file) and _hashes[name] != folder_hash(file)
 
 
-def _said(error: BaseException, path: str) -> str:
-    """An error in one line, with the last line of the file that it came through; a syntax error says it itself."""
-    told = " ".join(str(error).split()) or "no message"
-    if isinstance(error, InputError):
-        return told
-    lines = [
-        one.lineno for one in traceback.extract_tb(error.__traceback__) if one.filename == path
-    ]
-    return f"{type(error).__name__}{f' in line {lines[-1]}' if lines else ''}: {told}"
-
-
 # a faulty part is refused before anything is run
 
 TRIAL = ("wet-start", 0.2)
 """Event and duration [s] of a trial: a few control periods."""
 UNITS = 3
 """Of the problem that a rule is asked; no shipped train has so many, so a fixed number is noticed."""
+TIMED, SLOW, ASKED = 10, 5e-3, 10
+"""Calls of a rule that are timed; seconds of a call that are told; calls in a second of a run, with every telegram."""
+slow: dict[str, float] = {}
+"""Seconds of a call of rules that take longer, by name."""
 
 
 def try_own_parts(rules: Iterable[str], controllers: Iterable[str]) -> None:
-    """Ask the user's own rules for a small answer, and his controllers and metrics for a short run.
+    """Ask the user's own rules for a small answer, and rules, controllers and metrics for a short run.
 
-    Raises `InputError` of one line for a part that is none, raises an error, or answers with what is no answer.
+    Raises `InputError` of one line for a part that is none, raises an error, or answers with what is no answer. Warns of
+    slow rules.
     """
     from alloc.simulation import simulate
     from studies.scenario import load
 
-    def run(controller: Controller) -> Any:
+    def run(rule: Rule | str, controller: Controller | str) -> Any:
         event = load(TRIAL[0]).changed(duration_s=TRIAL[1]).event()
-        return simulate(event, "alone", controller)
+        return simulate(event, rule, controller)
 
-    def torques(controller: Controller) -> None:
-        if not np.isfinite(run(controller)["torque_command"]).all():
-            raise AssertionError("commands a torque that is no finite number")
+    def torques(name: str, controller: Controller) -> None:
+        if not np.isfinite(run("alone", controller)["torque_command"]).all():
+            raise InputError("commands a torque that is no finite number")
 
-    def limits(rule: Rule) -> None:
+    def limits(name: str, rule: Rule) -> None:
+        rule(AllocationProblem(cap=[0.2], expected=0.16))
         problem = AllocationProblem(cap=np.linspace(0.1, 0.2, UNITS), expected=0.16)
-        found = np.asarray(rule(problem).limit)
-        if found.shape != (UNITS,) or not (found >= 0.0).all():
-            raise AssertionError(f"answers {found}; give one limit of 0 or more per unit")
+        rule(problem)
+        run(rule, "none")
+        times: list[float] = []
+        while len(times) < TIMED and sum(times) < TIMED * SLOW * 10:
+            times.append(rule(problem).solve_time)
+        if (seconds := float(np.median(times))) > SLOW:
+            slow[name] = seconds
+            asked = f"{ASKED} calls a second of a run, 1500 of check"
+            told = f"rule {name!r} takes {1e3 * seconds:.0f} ms a call, about {asked}"
+            warnings.warn(told, stacklevel=2)
 
-    def number(metric: Metric) -> None:
-        float(metric.function(run(CONTROLLERS["none"])))
+    def number(name: str, metric: Metric) -> None:
+        float(metric.function(run("alone", "none")))
 
-    trials: list[tuple[Registry[Any], Iterable[str], type, Callable[[Any], None]]] = [
+    trials: list[tuple[Registry[Any], Iterable[str], type, Callable[[str, Any], None]]] = [
         (RULES, rules, Rule, limits),
         (CONTROLLERS, controllers, Controller, torques),
         (METRICS, METRICS, Metric, number),
     ]
     for registry, names, kind, trial in trials:
-        for name in set(names) - set(registry.shipped()):
-            path = str(getattr(sys.modules.get(registry.origin(name)), "__file__", ""))
-            said, part = f"{registry.kind} {name!r} of {path or 'this session'}", registry[name]
-            if not isinstance(part, kind):
-                told = f"is a {type(part).__name__}; register a {kind.__name__}"
-                raise InputError(f"{said} {told}")
-            try:
-                with redirect_stdout(sys.stderr):
-                    trial(part)
-            except AssertionError as error:  # what it answers is of no use
-                raise InputError(f"{said} {error}") from None
-            except Exception as error:
-                raise InputError(f"{said}: {_said(error, path)}") from None
+        for name in {*names} & {*registry} - {*registry.shipped()}:
+            part: Any = registry[name]
+            function = getattr(part, "control", getattr(part, "function", None))
+            with redirect_stdout(sys.stderr), blamed_on(f"{registry.kind} {name!r}", function):
+                if not isinstance(part, kind):
+                    raise InputError(f"it is a {type(part).__name__}; register a {kind.__name__}")
+                trial(name, part)

@@ -189,7 +189,8 @@ def _replays(
     """
     tied, others = ([one.rule for one in found if one.tied == side] for side in (True, False))
     rules = list(dict.fromkeys([REFERENCE, *tied, *others]))
-    good = rows[(rows["status"] == "ok") & (rows["seed"] == 0)]
+    seeds = {one.name: one.first_seed for one in events}
+    good = rows[(rows["status"] == "ok") & (rows["seed"] == rows["scenario"].map(seeds))]
     stored = good.set_index(["scenario", "controller", "rule"])[EFFORT].to_dict()
     made: dict[str, Any] = {one.name: {"title": one.title, "runs": {}} for one in events}
     size, left_out = 0, 0
@@ -201,7 +202,7 @@ def _replays(
                 if size > MOST_NUMBERS:
                     left_out += 1
                     continue
-                seen = _seen(recorded(event, rule, law, 0))
+                seen = _seen(recorded(event, rule, law, seeds[event.name]))
                 if abs(seen["used"] - 100.0 * stored[event.name, law, rule]) > 0.1:
                     told = f"{event.name} under {rule} and {law} is not as its stored row says"
                     raise StudyError(f"{told}: sources changed; run readhesion compare again")

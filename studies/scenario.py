@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, replace
 from functools import cache, lru_cache
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -18,10 +19,11 @@ from pydantic import ConfigDict, Field, model_validator
 
 from alloc import rail as plant
 from alloc.curves import CURVES, AdhesionCurve
+from alloc.errors import blamed_on
 from alloc.event import STEP, DriverCommand, Event
 from alloc.laws import GRAVITY
 from alloc.onboard.settings import Belief, Onboard
-from alloc.records import meanings
+from alloc.records import Meaning, meanings
 from alloc.sets import SETS, find_set
 from alloc.train import InverterGroup, Train
 from alloc.train_rows import rows_of
@@ -77,7 +79,8 @@ class Curve(Keys):
 
     @model_validator(mode="after")
     def _has_its_parameters(self) -> "Curve":
-        known = [one.name for one in fields(CURVES.find(self.kind))]
+        curve = CURVES.find(self.kind)
+        known = [one.name for one in fields(curve)] if isinstance(curve, type) else []
         for key in self._given():
             if key not in known:
                 hint = near(key, known)
@@ -94,16 +97,20 @@ class Curve(Keys):
         schema["additionalProperties"] = False
         curve: Any
         for name, curve in CURVES.items():
-            for one in fields(curve):
+            for one in fields(curve) if isinstance(curve, type) else ():
                 said = {"type": "number", "description": ""}
                 said = schema["properties"].setdefault(one.name, said)
-                said["description"] += f"{name}: {meanings(curve)[one.name].text} "
+                said["description"] += f"{name}: {meanings(curve).get(one.name, Meaning()).text} "
         return made
 
     def curve(self, path: str) -> AdhesionCurve:
         """The plant's curve; `path` is the table's in the file."""
-        with in_words_of(self, path):
-            return CURVES[self.kind](**self._given())
+        curve = CURVES[self.kind]
+        with in_words_of(self, path), blamed_on(f"adhesion curve {self.kind!r}"):
+            made = curve(**self._given()) if isinstance(curve, type) else curve
+            if not isinstance(made, AdhesionCurve):
+                raise StudyError(f"{made!r:.60} is none; register own_curve(...), or a class")
+        return made
 
 
 # fmt: off
@@ -419,6 +426,12 @@ class Scenario(Keys):
         return self.model_dump_json(exclude_unset=True)
 
     @property
+    def first_seed(self) -> int:
+        """Seed where nobody says it: of a drawn event its number, by which its rows are made, else 0."""
+        is_drawn = DRAWN.fullmatch(self.name)
+        return int(is_drawn[3]) if is_drawn else 0
+
+    @property
     def sources(self) -> tuple[str, ...]:
         """Modules of its adhesion curves and its train, wherever they come from."""
         curves = (self.rail.curve, self.belief.curve or self.rail.curve)
@@ -442,6 +455,8 @@ def _again(text: str) -> Scenario:
 
 # files
 
+DRAWN = re.compile(r"(population|random)-(0|[1-9]\d{0,8})-(\d{4}|[1-9]\d{4,8})")
+"""Name of a drawn event: its population (of the benchmark, of the claims), the seed of that, its number."""
 SHIPPED = Path(__file__).with_name("scenarios")
 
 
@@ -456,7 +471,7 @@ def default_scenarios() -> list[Scenario]:
 
 
 def load(name: str | Path) -> Scenario:
-    """A shipped scenario by its name, or that of a TOML file by its path, which is read each time.
+    """A shipped scenario or a drawn event by its name, or that of a TOML file by its path, which is read each time.
 
     Raises `StudyError` of one line that names the file, the key and the reason.
     """
@@ -465,8 +480,12 @@ def load(name: str | Path) -> Scenario:
         return _read(Path(name))
     if text in shipped():
         return _shipped(text)
-    is_file = Path(f"{text}.toml").is_file()
-    hint = f"; did you mean the file {text}.toml?" if is_file else near(text, shipped())
+    if is_drawn := DRAWN.fullmatch(text):
+        drawn_in = import_module("studies.population" if text[0] == "p" else "studies.claims")
+        event: Scenario = drawn_in.event(int(is_drawn[2]), int(is_drawn[3]))
+        return event
+    is_file, known = Path(f"{text}.toml").is_file(), [*shipped(), "population-65-0000"]
+    hint = f"; did you mean the file {text}.toml?" if is_file else near(text, known)
     raise StudyError(f"unknown scenario {text!r}{hint}")
 
 

@@ -195,11 +195,19 @@ def allocated(
     **more: Any,
 ) -> Allocation:
     """The answer with `limit` to `problem`, the rest filled in; raises `AllocationError` for limits that are none."""
-    x = np.array(limit, dtype=float)
+    try:
+        x = np.array(limit, dtype=float)
+    except (TypeError, ValueError):  # no numbers
+        x = np.array(math.nan)
     if x.shape != (problem.n,):
-        raise AllocationError(f"limit has shape {x.shape}, must be ({problem.n},) as cap has")
-    if not np.all(x >= 0.0):
-        raise AllocationError(f"limit = {x} must be 0 or greater: limits are magnitudes")
+        answer = f"an array of shape {x.shape}" if x.ndim else f"{limit!r:.60}"
+        raise AllocationError(
+            f"answer returned {answer}; return one limit per unit, ({problem.n},)"
+        )
+    x[(x < 0.0) & (x >= -ROUNDING * problem.expected)] = 0.0
+    for j in np.flatnonzero(~(x >= 0.0))[:1]:
+        advice = "; clip limits to problem.lower, problem.upper" if x[j] < 0.0 else ", no number"
+        raise AllocationError(f"limit[{j}] is {x[j]:.6g}{advice}")
     x = np.minimum(x, problem.limit_max)
     x.flags.writeable = False
     short = 1.0 - float(np.average(x, weights=problem.mass)) / problem.expected

@@ -2,7 +2,7 @@
 
 A rule is a belief, what the leader thinks that each unit can carry, and a law, how it shares the plan over the units.
 Laws work on rows: `law(units, run) -> level` reads of each unit `cap`, `mass`, `most`, `mark`, `heard`, `searching`,
-`wanted` (the limits in force, inf: none), of the run `plan`, `needed`, `limit_rate`; it writes `wanted` and
+`wanted` (the limits in force, inf: none), of the run `plan`, `needed`, `limit_rate`; it writes `wanted`, and may set
 `run.case`. A rule of one's own may be an `answer` to an `AllocationProblem` instead, in plain Python. Either is
 called with a problem to get an `Allocation`.
 """
@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from alloc.columns import RUN, UNIT
-from alloc.errors import AllocationError
+from alloc.errors import AllocationError, blamed_on
 from alloc.onboard.beliefs import BELIEFS
 from alloc.registry import Registry
-from alloc.rules.problem import CASES, Allocation, AllocationProblem, allocated
+from alloc.rules.problem import CASES, ROUNDING, Allocation, AllocationProblem, allocated
 from alloc.tables import Rows
 
 Answer = Callable[[AllocationProblem], "Allocation | ArrayLike"]
@@ -63,7 +63,7 @@ class Rule:
         if isinstance(self.belief, str):
             object.__setattr__(self, "belief", BELIEFS[self.belief])
         if self.answer is not None:
-            object.__setattr__(self, "law", partial(serve, self.answer))
+            object.__setattr__(self, "law", partial(serve, self))
         if not callable(self.law):
             raise AllocationError(
                 f"rule {self.name!r}: give a law(units, run), or an answer(problem)"
@@ -73,12 +73,25 @@ class Rule:
         """The rule's answer to `problem`."""
         started = time.perf_counter()
         if self.answer is not None:
-            found = _filled(problem, self.answer(problem))
-            return replace(found, solve_time=time.perf_counter() - started)
-        units, run = rows_of(problem)
-        level = self.law(units, run)
-        spent = time.perf_counter() - started
-        return allocated(problem, units.wanted, level, CASES[run.case], solve_time=spent)
+            return replace(self.answered(problem), solve_time=time.perf_counter() - started)
+        with blamed_on(f"rule {self.name!r}", self.law):
+            units, run = rows_of(problem)
+            level = self.law(units, run)
+            for name in vars(units):  # NumPy lets an array of rows have any
+                raise AttributeError(f"rows have no attribute {name!r}")
+            if level is None:
+                raise AllocationError("law returned None; return the level, nan for none")
+            spent, case = time.perf_counter() - started, CASES[run.case] if run.case else None
+            return allocated(problem, units.wanted, level, case, solve_time=spent)
+
+    def answered(self, problem: AllocationProblem) -> Allocation:
+        """What its `answer` is, filled in; raises `InputError` of one line with file and line for what is none."""
+        with blamed_on(f"rule {self.name!r}", self.answer):
+            found: Any = self.answer(problem)  # type: ignore[misc]
+            limit: Any = found.limit if isinstance(found, Allocation) else None
+            if np.shape(limit) == (problem.n,) and np.all(limit >= -ROUNDING):
+                return found
+            return allocated(problem, found if limit is None else limit)
 
     def with_belief(self, name: str) -> "Rule":
         """The same law on another belief."""
@@ -89,14 +102,10 @@ RULES: Registry[Rule] = Registry("rule")
 """Every rule by name."""
 
 
-def _filled(problem: AllocationProblem, found: Any) -> Allocation:
-    return found if isinstance(found, Allocation) else allocated(problem, found)
-
-
-def serve(answer: Answer, units: Rows, run: Any) -> float:
+def serve(rule: Rule, units: Rows, run: Any) -> float:
     """The law that an `answer` in plain Python makes: rows in, rows out; faults of its solver are counted."""
-    found = _filled(problem := problem_of(units, run), answer(problem))
-    for j in range(problem.n):
+    found = rule.answered(problem_of(units, run))
+    for j in range(units.size):
         units[j].wanted = found.limit[j]
     run.case = CASES.index(found.case)
     run.rule_faults += int(found.failed)
