@@ -81,7 +81,8 @@ def simulate(
     """Run one slip event under a rule and a readhesion controller; returns the recorded run, see `alloc.record`.
 
     `event`: the name of a scenario or of a drawn event, the path of a file, a `Scenario`, or an `Event`, which has its draws
-    already. `seed` determines all that a scenario draws; left out: 0, or a drawn event's number. Raises `InputError` for what cannot be simulated.
+    already. `seed` determines all that a scenario draws; left out: 0, or a drawn event's number. Raises `InputError` for
+    what cannot be simulated.
     """
     _check("seed", 0 if seed is None else seed, 0)
     if isinstance(event, Event):

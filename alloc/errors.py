@@ -17,8 +17,8 @@ class InputError(ValueError):
 
     fault: str = ""
     """The message of a record without the name of the record."""
-    names_its_part = False
-    """Whether the message begins with a part of a user's, see `blamed_on`."""
+    part, misspelt = "", False
+    """What the message is `blamed_on`; whether its code has a name that does not exist, or cannot be compiled."""
 
 
 class PlantError(InputError):
@@ -45,10 +45,6 @@ class UnsoundRun(ArithmeticError):
     """A run or a metric of it broke a law that all keep: a fault of the program, and its numbers count for nothing."""
 
 
-class CodeFault(InputError):
-    """A user's function has a name that does not exist, or cannot be compiled: no problem or event is to blame."""
-
-
 NOT_USERS = (
     *(str(Path(__file__).parents[1] / name) + os.sep for name in ("alloc", "mpc", "studies")),
     str(Path(os.__file__).parent), "<frozen",
@@ -66,22 +62,18 @@ def blamed_on(part: str, function: Any = None) -> Iterator[None]:
     try:
         yield
     except (Exception, SystemExit) as error:
-        if getattr(error, "names_its_part", False):
+        if getattr(error, "part", ""):
             raise
         plain = unwrap(getattr(function, "func", function))
         code = getattr(plain, "__code__", None) or getattr(type(plain).__call__, "__code__", None)
         places = [(code.co_filename, code.co_firstlineno)] if code else []
         places += [(frame.f_code.co_filename, at) for frame, at in walk_tb(error.__traceback__)]
         compiles = any(f"{os.sep}numba{os.sep}" in path for path, _ in places)
-        if loc := getattr(error, "loc", None):  # Numba's
-            places.append((loc.filename, loc.line))
         own = [at for at in places if not at[0].startswith(NOT_USERS) and "-packages" not in at[0]]
         file, line = own[-1] if own else ("", 0)
         text, missing = " ".join(str(error).split()) or "no message", None
         if "NoneType" not in text and (compiles or isinstance(error, NameError | AttributeError)):
             missing = re.search(r"(?:attribute|name) '?(\w+)|^'(\w+)'$", text)
-        if compiles and not missing:
-            text = f"{text:.300}; without the decorator Python serves it"
         if missing:
             from alloc.columns import AXLE, RUN, UNIT
 
@@ -89,14 +81,16 @@ def blamed_on(part: str, function: Any = None) -> Iterator[None]:
             searched = [*range(line, len(lines) + 1), *range(1, line)] if len(own) == 1 else []
             line = next((k for k in searched if re.search(rf"\b{name}\b", lines[k - 1])), line)
             known = {*dir(getattr(error, "obj", None)), *re.findall(r"\w+", "".join(lines))}
-            known |= {column for table in (AXLE, RUN, UNIT) for column in table.columns}
+            known.update(*(table.columns for table in (AXLE, RUN, UNIT)))
             nearest = get_close_matches(name, known - {name}, 1, 0.7)
             text += f"; did you mean {nearest[0]!r}?" if nearest else ""
-        kind, fault = type(error), "fault"
-        if not isinstance(error, InputError):
-            kind, fault = CodeFault if missing or compiles else InputError, kind.__name__
-            text = text if own else f"{fault}: {text}"
-        place = f" of {file}" * (file not in part) + f": {fault} in line {line}" if own else ""
-        named: Any = kind(f"{part}{place}: {text}")
-        named.fault, named.names_its_part = getattr(error, "fault", ""), True
+        elif compiles:
+            text = f"{text:.300}; without the decorator Python serves it"
+        kind: Any = type(error) if isinstance(error, InputError) else InputError
+        what = "fault" if kind is type(error) else type(error).__name__
+        place = f" of {file}" * (file not in part) + f": {what} in line {line}" if own else ""
+        text = f"{what}: {text}" if not own and kind is not type(error) else text
+        named = kind(f"{part}{place}: {text}")
+        named.fault, named.part = getattr(error, "fault", ""), part
+        named.misspelt = compiles or missing is not None
         raise named from error

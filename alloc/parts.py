@@ -22,10 +22,7 @@ CONTROL = void(UNIT.row, AXLE.type, float64[::1], RUN.row)
 LAW_TYPE, BELIEF_TYPE, CONTROL_TYPE = (types.FunctionType(one) for one in (LAW, BELIEF, CONTROL))
 
 law: Any = jit
-"""Decorator of a compiled `law(units, run) -> level` [1]; nan for a rule without one.
-
-It may set `run.case` to 1 (A) or 2 (B); else caps and torque limits say which it is.
-"""
+"""Decorator of a compiled `law(units, run) -> level` [1]; nan for a rule without one. It may set `run.case`."""
 belief: Any = jit
 """Decorator of a compiled `belief(tick, units, said, heard, run) -> bool`.
 

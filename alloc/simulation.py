@@ -77,26 +77,22 @@ class Simulation:
     def go_on(self) -> None:
         """Run to the end, from where the run is."""
         started = time.perf_counter()
-        parts = {
-            f"belief {self.rule.belief.name!r}": (self.rule.belief.function, BELIEF),
-            f"rule {self.rule.name!r}": (self.rule.law, LAW),
-            f"controller {self.controller.name!r}": (self.controller.control, CONTROL),
-        }
-        functions = [function for function, _ in parts.values()]
-        if are_compiled(*functions):
-            for name, (function, signature) in parts.items():
-                with blamed_on(name, function):
-                    function.compile(signature)
+        parts: Any = (
+            (f"belief {self.rule.belief.name!r}", self.rule.belief.function, BELIEF),
+            (f"rule {self.rule.name!r}", self.rule.law, LAW),
+            (f"controller {self.controller.name!r}", self.controller.control, CONTROL),
+        )
+        served = [one if are_compiled(one) else blamed_on(name, one)(one) for name, one, _ in parts]
+        if are_compiled(*served):
+            for name, one, signature in parts:
+                with blamed_on(name, one):
+                    one.compile(signature)
             loop = compiled_steps(typeof(self.world), typeof(self.record))
-            loop(*functions, self.knows, self.tick, self.world, self.record)
+            loop(*served, self.knows, self.tick, self.world, self.record)
         else:
-            named = [(name, one) for name, (one, _) in parts.items()]
-            served = [
-                one if are_compiled(one) else blamed_on(name, one)(one) for name, one in named
-            ]
             in_python: Any = steps
             # as compiled code has it
-            with np.errstate(all="ignore"), blamed_on(" or ".join(parts)):
+            with np.errstate(all="ignore"), blamed_on(f"{parts[1][0]} or {parts[2][0]}"):
                 in_python(*served, self.knows, self.tick, self.world, self.record)
         limits, period = self.record.units.wanted, self.event.onboard.period
         with blamed_on(f"rule {self.rule.name!r}", self.rule.law):

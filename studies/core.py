@@ -15,7 +15,6 @@ import sys
 import threading
 import time
 import traceback
-import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import closing, contextmanager, redirect_stdout, suppress
@@ -238,9 +237,8 @@ def run_study(
     todo = [one for one in cells.items() if one[0] not in rows]
     if slowed := [one for _, one in todo if one.columns.get("rule") in slow]:
         spent = sum(slow[one.columns["rule"]] * ASKED * one.args[0].duration_s for one in slowed)
-        warnings.warn(
-            f"these {len(todo)} runs take about {spent / 60.0 / jobs:.1f} min", stacklevel=2
-        )
+        told = f"these {len(todo)} runs take about {spent / 60.0 / jobs:.1f} min"
+        print(f"readhesion: {told}", file=sys.stderr)
     size = min(TOGETHER, len(todo) // (8 * jobs) + 1)
     tasks = (pickle.dumps((study.run, todo[k : k + size])) for k in range(0, len(todo), size))
     if todo:

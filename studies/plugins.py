@@ -5,8 +5,7 @@ import importlib
 import linecache
 import sys
 import time
-import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import redirect_stdout
 from pathlib import Path
 from types import ModuleType
@@ -122,8 +121,6 @@ def _is_edited(name: str) -> bool:
 
 TRIAL = ("wet-start", 0.2)
 """Event and duration [s] of a trial: a few control periods."""
-UNITS = 3
-"""Of the problem that a rule is asked; no shipped train has so many, so a fixed number is noticed."""
 TIMED, SLOW, ASKED = 10, 5e-3, 10
 """Calls of a rule that are timed; seconds of a call that are told; calls in a second of a run, with every telegram."""
 slow: dict[str, float] = {}
@@ -133,47 +130,44 @@ slow: dict[str, float] = {}
 def try_own_parts(rules: Iterable[str], controllers: Iterable[str]) -> None:
     """Ask the user's own rules for a small answer, and rules, controllers and metrics for a short run.
 
-    Raises `InputError` of one line for a part that is none, raises an error, or answers with what is no answer. Warns of
-    slow rules.
+    Raises `InputError` of one line for a part that is none, raises an error, or answers with what is no answer.
     """
     from alloc.simulation import simulate
     from studies.scenario import load
 
-    def run(rule: Rule | str, controller: Controller | str) -> Any:
-        event = load(TRIAL[0]).changed(duration_s=TRIAL[1]).event()
-        return simulate(event, rule, controller)
-
-    def torques(name: str, controller: Controller) -> None:
-        if not np.isfinite(run("alone", controller)["torque_command"]).all():
-            raise InputError("commands a torque that is no finite number")
-
-    def limits(name: str, rule: Rule) -> None:
-        rule(AllocationProblem(cap=[0.2], expected=0.16))
-        problem = AllocationProblem(cap=np.linspace(0.1, 0.2, UNITS), expected=0.16)
-        rule(problem)
-        run(rule, "none")
-        times: list[float] = []
-        while len(times) < TIMED and sum(times) < TIMED * SLOW * 10:
-            times.append(rule(problem).solve_time)
-        if (seconds := float(np.median(times))) > SLOW:
-            slow[name] = seconds
-            asked = f"{ASKED} calls a second of a run, 1500 of check"
-            told = f"rule {name!r} takes {1e3 * seconds:.0f} ms a call, about {asked}"
-            warnings.warn(told, stacklevel=2)
-
-    def number(name: str, metric: Metric) -> None:
-        float(metric.function(run("alone", "none")))
-
-    trials: list[tuple[Registry[Any], Iterable[str], type, Callable[[str, Any], None]]] = [
-        (RULES, rules, Rule, limits),
-        (CONTROLLERS, controllers, Controller, torques),
-        (METRICS, METRICS, Metric, number),
-    ]
-    for registry, names, kind, trial in trials:
+    kinds: Any = (
+        (RULES, rules, Rule),
+        (CONTROLLERS, controllers, Controller),
+        (METRICS, METRICS, Metric),
+    )
+    for registry, names, kind in kinds:
         for name in {*names} & {*registry} - {*registry.shipped()}:
-            part: Any = registry[name]
+            part = registry[name]
             function = getattr(part, "control", getattr(part, "function", None))
             with redirect_stdout(sys.stderr), blamed_on(f"{registry.kind} {name!r}", function):
                 if not isinstance(part, kind):
                     raise InputError(f"it is a {type(part).__name__}; register a {kind.__name__}")
-                trial(name, part)
+                if kind is Rule:
+                    _ask(name, part)
+                event = load(TRIAL[0]).changed(duration_s=TRIAL[1]).event()
+                own = {kind: part}
+                run = simulate(event, own.get(Rule, "alone"), own.get(Controller, "none"))
+                if kind is Controller and not np.isfinite(run["torque_command"]).all():
+                    raise InputError("commands a torque that is no finite number")
+                if kind is Metric:
+                    float(part.function(run))
+
+
+def _ask(name: str, rule: Rule) -> None:
+    """Ask a rule for small answers, and say if it takes long."""
+    rule(AllocationProblem([0.2], 0.16))  # of one unit, so that a fixed number is noticed
+    rule(problem := AllocationProblem([0.1, 0.15, 0.2], 0.16))
+    times: list[float] = []
+    while len(times) < TIMED and sum(times) < TIMED * SLOW * 10:
+        times.append(rule(problem).solve_time)
+    if (seconds := float(np.median(times))) > SLOW:
+        slow[name] = seconds
+        told = (
+            f"{1e3 * seconds:.0f} ms a call, about {ASKED} calls a second of a run, 1500 of check"
+        )
+        print(f"readhesion: rule {name!r} takes {told}", file=sys.stderr)

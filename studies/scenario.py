@@ -107,9 +107,8 @@ class Curve(Keys):
         """The plant's curve; `path` is the table's in the file."""
         curve = CURVES[self.kind]
         with in_words_of(self, path), blamed_on(f"adhesion curve {self.kind!r}"):
-            made = curve(**self._given()) if isinstance(curve, type) else curve
-            if not isinstance(made, AdhesionCurve):
-                raise StudyError(f"{made!r:.60} is none; register own_curve(...), or a class")
+            made: AdhesionCurve = curve(**self._given()) if isinstance(curve, type) else curve
+            assert made.number >= 0, "no law of `alloc.curves`"
         return made
 
 

@@ -1,18 +1,23 @@
 """The conformance kit: every shipped controller and curve passes, and of a faulty one it says which law is broken."""
 
 import math
+import re
 from dataclasses import dataclass
+from linecache import getline
 
 import numpy as np
 import pytest
 
 import mpc.unit  # noqa: F401  (registers "mpc")
-from alloc.curves import CURVES, PiecewiseCurve
+from alloc.curves import CURVES, PiecewiseCurve, own_curve
 from alloc.errors import InputError
+from alloc.onboard.beliefs import Belief
 from alloc.onboard.controllers import CONTROLLERS, Controller
-from alloc.parts import control
-from alloc.rules.testing import BrokenLaw
-from alloc.testing import check_controller, check_curve, check_part
+from alloc.parts import control, law
+from alloc.rules import Rule
+from alloc.rules.testing import BrokenLaw, check_rule
+from alloc.simulation import simulate
+from alloc.testing import DRY, check_controller, check_curve, check_part
 from tests.cases import looped
 
 
@@ -43,12 +48,12 @@ def never_again(unit, axles, memory, run):
     unit.torque_command = (0.5 if unit.detected > 0.0 else 1.0) * unit.torque_target
 
 
-@looped(("function", "law", "said"), [
+@looped(("function", "broken", "said"), [
     (beyond, "within target", r"by 0\.1;"), (no_number, "within target", "by nan;"), (timid, "dry rail", r"by 0\.1;"),
     (needs_two_axles, "within target", "IndexError.*axles=1"), (never_again, "recovers", r"drop=0\.25"),
 ])  # fmt: skip
-def test_a_faulty_controller_is_told(function, law, said):
-    with pytest.raises(BrokenLaw, match=rf"^faulty breaks the law '{law}'.*{said}"):
+def test_a_faulty_controller_is_told(function, broken, said):
+    with pytest.raises(BrokenLaw, match=rf"^faulty breaks the law '{broken}'.*{said}"):
         check_controller(Controller("faulty", function, ""))
 
 
@@ -75,6 +80,40 @@ class Faulty(PiecewiseCurve):
 def test_a_faulty_curve_is_told(change, apart, law):
     with pytest.raises(BrokenLaw, match=rf"^Faulty breaks the law '{law}'.*Rolling\(peak="):
         check_curve(Faulty(change=change, apart=apart))
+
+
+@law
+def reads(units, run):
+    units[0].wanted = units[0].capp
+    return math.nan
+
+
+def writes(units, run):
+    units.wantd = run.needed
+    return math.nan
+
+
+@control
+def commands(unit, axles, memory, run):
+    unit.torque_comand = unit.torque_target
+
+
+BELIEF = Belief("b", lambda tick, units, said, heard, run: units[0].searchin > 0, "")
+
+
+@looped(("kept_by", "part", "nearest"), [
+    (check_rule, Rule("r", "", reads), "cap"), (check_rule, Rule("r", "", writes), "wanted"),
+    (check_rule, Rule("r", "", answer=lambda problem: problem.uper), "upper"),
+    (check_controller, Controller("c", commands, ""), "torque_command"),
+    (check_controller, Controller("c", commands.py_func, ""), "torque_command"),
+    (lambda rule: simulate(DRY[0].event, rule), Rule("r", "", writes, BELIEF), "searching"),
+    (lambda shape: own_curve("c", shape), lambda slip: np.exxp(slip), "exp"),
+])  # fmt: skip
+def test_a_misspelling_is_no_counterexample(kept_by, part, nearest):
+    with pytest.raises(InputError, match=rf"; did you mean '{nearest}'\?$") as raised:
+        kept_by(part)
+    file, line = re.search(r" of (.*): \w+ in line (\d+): ", str(raised.value)).groups()
+    assert re.search(r"(capp|wantd|uper|comand|searchin|exxp)\b", getline(file, int(line)))
 
 
 def test_an_unknown_name_is_told_with_the_nearest():

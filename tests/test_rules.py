@@ -14,8 +14,13 @@ from alloc.onboard.settings import Onboard
 from alloc.parts import law
 from alloc.rules import RULES, AllocationProblem, Rule, convex_rule, optimality, robust_rule
 from alloc.rules.convex import Formulation
+from alloc.rules.exact import exact_limits
+from alloc.rules.problem import Allocation, allocated
 from alloc.rules.qp import Workspace
 from alloc.rules.testing import BrokenLaw, check_rule
+from alloc.simulation import simulate
+from studies.scenario import load
+from tests.cases import looped
 
 PLAN = 0.170
 CAPS = [0.150, 0.165, 0.176, 0.180, 0.183, 0.186, 0.188, 0.190]
@@ -301,11 +306,23 @@ def test_own_law_compiled_in_ten_lines():
     def half_way(units, run):
         for u in units:
             u.wanted = min(0.5 * (u.cap + run.needed), u.most)
-        run.case = 2
         return math.nan
 
     found = Rule("half-way", "between cap and plan", half_way)(AllocationProblem([0.1, 0.3], 0.2))
     assert found.limit == pytest.approx([0.15, 0.25])
+
+
+def test_the_kit_judges_every_law_and_names_a_tolerance():
+    def answer(problem):
+        return allocated(problem, 1.0001 * exact_limits(problem)[0], status="inaccurate")
+
+    with pytest.raises(BrokenLaw, match=r"^s breaks the law 'optimal'.*; its status: inaccurate") as raised:  # fmt: skip
+        check_rule(Rule("s", "", answer=answer, promise="exact"), examples=20)
+    told, verdicts = str(raised.value), raised.value.verdicts
+    assert [law for law, one in verdicts.items() if one.fault] == ["optimal", "effort", "reference"]
+    assert 1e-4 < verdicts["optimal"] < 3e-4
+    assert "of the plan from the exact level; a solver's tolerance is the likely cause" in told
+    assert "kept   answer " in told
 
 
 def test_the_kit_finds_a_small_counterexample():
@@ -331,9 +348,39 @@ def test_an_impossible_problem_is_named(fields, said):
         AllocationProblem(**({"cap": [0.1, 0.2], "expected": PLAN} | fields))
 
 
-def test_an_answer_that_is_none_is_named():
-    for wrong in ([0.1], [0.1, -0.1], [0.1, math.nan]):
-        with pytest.raises(AllocationError, match="limit"):
-            Rule("wrong", "", answer=lambda problem, w=wrong: w)(
-                AllocationProblem([0.1, 0.2], PLAN)
-            )
+@looped(("wrong", "said"), [
+    (None, "answer returned None; return one limit per unit"), ("all", "answer returned 'all'"), (0.17, "returned 0.17"),
+    ([0.1], r"shape \(1,\)"), ([[0.1], [0.1]], r"shape \(2, 1\)"), ([0.1, math.nan], r"limit\[1\] is nan"),
+    ([0.1, -0.1], r"limit\[1\] is -0.1; clip limits to problem.lower"), ([0.1, -math.inf], r"limit\[1\] is -inf"),
+    (Allocation(np.array([math.nan, 0.1]), 0.1, "A", 0.0), r"limit\[0\] is nan"),
+])  # fmt: skip
+def test_an_answer_that_is_none_is_named(wrong, said):
+    def answer(problem):
+        return wrong
+
+    line = answer.__code__.co_firstlineno
+    with pytest.raises(AllocationError, match=rf"^rule 'w' of .*test_rules.py: fault in line {line}: .*{said}"):  # fmt: skip
+        Rule("w", "", answer=answer)(AllocationProblem([0.1, 0.2], PLAN))
+
+
+def test_what_rounding_leaves_below_zero_is_zero_and_infinite_is_no_limit():
+    found = Rule("r", "", answer=lambda problem: [-1e-17, math.inf])(AllocationProblem([0.1, 0.2], PLAN))  # fmt: skip
+    assert list(found.limit) == [0.0, math.inf]
+    check_rule(Rule("none", "", answer=lambda problem: np.full(problem.n, math.inf)), examples=20)
+
+
+@law
+def the_plan(units, run):
+    for u in units:
+        u.wanted = min(run.plan, u.most)
+    return math.nan
+
+
+def test_a_law_may_leave_its_case_to_the_loop():
+    own, event = Rule("own", "", the_plan), load("wet-patch").event()
+    runs = [simulate(event, rule, "perturb-observe") for rule in ("alone", own)]
+    assert set(runs[0]["case"].values) == {0, 1, 2}
+    assert np.array_equal(runs[0]["case"], runs[1]["case"])
+    for problem in drawn(20, rate=0.01):
+        assert own(problem).case == allocated(problem, problem.upper).case
+    assert check_rule(own, examples=20)["case"] == 0.0

@@ -253,8 +253,9 @@ def optimality(
     free = ~at_upper & ~at_lower
     if free.any():
         level = float(np.average(x[free], weights=problem.mass[free]))
-    else:
-        level = float(x[at_upper].max() if at_upper.any() else x.min())
+    else:  # a unit whose bounds meet says nothing of the level
+        below = x[at_upper & ~at_lower]
+        level = float(below.max() if below.size else x[~at_upper].min(initial=x.max()))
     if math.isfinite(answer.level):
         level = answer.level
     excess = x - level

@@ -3,8 +3,8 @@
 A rule is a belief, what the leader thinks that each unit can carry, and a law, how it shares the plan over the units.
 Laws work on rows: `law(units, run) -> level` reads of each unit `cap`, `mass`, `most`, `mark`, `heard`, `searching`,
 `wanted` (the limits in force, inf: none), of the run `plan`, `needed`, `limit_rate`; it writes `wanted`, and may set
-`run.case`. A rule of one's own may be an `answer` to an `AllocationProblem` instead, in plain Python. Either is
-called with a problem to get an `Allocation`.
+`run.case`, which follows from `cap` and `most` else. A rule of one's own may be an `answer` to an `AllocationProblem`
+instead, in plain Python. Either is called with a problem to get an `Allocation`.
 """
 
 import math
@@ -88,10 +88,9 @@ class Rule:
         """What its `answer` is, filled in; raises `InputError` of one line with file and line for what is none."""
         with blamed_on(f"rule {self.name!r}", self.answer):
             found: Any = self.answer(problem)  # type: ignore[misc]
-            limit: Any = found.limit if isinstance(found, Allocation) else None
-            if np.shape(limit) == (problem.n,) and np.all(limit >= -ROUNDING):
-                return found
-            return allocated(problem, found if limit is None else limit)
+            limit = found.limit if isinstance(found, Allocation) else found
+            fine = np.shape(limit) == (problem.n,) and limit is not found
+            return found if fine and np.all(limit >= -ROUNDING) else allocated(problem, limit)
 
     def with_belief(self, name: str) -> "Rule":
         """The same law on another belief."""

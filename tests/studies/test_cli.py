@@ -121,7 +121,29 @@ def test_own_rule(capsys, elsewhere):
                    "--controllers", "cut-and-ramp", "--seeds", "1", "--jobs", "2")  # fmt: skip
     assert "even=" in told
     assert run(["--plugin", "even.py", "check", "even"]) == 1  # it promises the optimum
-    assert "even breaks the law" in capsys.readouterr().err
+    told = capsys.readouterr()
+    assert told.err.startswith("readhesion: even breaks the law 'optimal'")
+    assert (
+        told.out.count("allowed 1e-06\n") == 9 == told.out.count("kept") + told.out.count("broken")
+    )
+
+
+def test_a_slow_rule_is_told(capsys, elsewhere):
+    slow = OWN_RULE.replace("    return np", "    __import__('time').sleep(0.03)\n    return np")
+    (elsewhere / "slow.py").write_text(slow.replace('"even"', '"slow"'))
+    command = "--plugin slow.py compare --scenario wet-patch --rules slow --controllers none --seeds 1 --jobs 1"
+    assert run(command.split()) == 0
+    words = r"rule 'slow' takes 3\d ms a call, .*\n.*these 1 runs take about 0\.1 min\n"
+    assert re.search(words, capsys.readouterr().err)
+
+
+def test_a_line_is_wrapped_where_a_terminal_ends(capsys, monkeypatch):
+    whole = printed(capsys, "list", "metrics")
+    monkeypatch.setenv("COLUMNS", "70")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    narrow = printed(capsys, "list", "metrics")
+    assert max(map(len, narrow.splitlines())) <= 70
+    assert narrow.split() == whole.split()
 
 
 def test_own_study_counts_with_its_folder(capsys, elsewhere):
@@ -170,6 +192,7 @@ def test_remarks(capsys, elsewhere):
     ("simulate wet-patch --out nowhere/run.nc", "cannot be written"),
     ("simulate /dev/zero", "no regular file"),
     ("simulate nothing.toml", "nothing.toml"),
+    ("simulate population-65-2", "population-65-0000"),
     ("sweep barking", "braking"),
     ("sweep claims --events 0", "--events: 0"),
     ("sweep nothing.py", "nothing.py"),

@@ -8,7 +8,7 @@ import pytest
 
 from alloc.errors import InputError
 from studies import compare
-from studies.compare import answer, as_json, grid, lines, standings, study_of
+from studies.compare import answer, as_json, frame, grid, lines, standings, study_of
 from studies.core import run_study
 from studies.runs import run
 from studies.scenario import load
@@ -77,6 +77,8 @@ def test_the_table_is_whole_at_80_columns(gains, events, seeds):
     assert max(map(len, told)) <= 80
     assert not any("…" in line or "nan" in line for line in told)
     assert answer(found)
+    assert set(frame(found)["events"]) == {events}
+    assert set(frame(found)["runs"]) == {events * seeds}
 
 
 def test_the_default_table_fits_80_columns():

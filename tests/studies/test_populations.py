@@ -9,9 +9,12 @@ import pytest
 
 from alloc.metrics import METRICS
 from paper_figs.sharing import FIGURES
+from readhesion import simulate
 from studies import braking, claims, events, population
+from studies.compare import grid
 from studies.core import BOOKKEEPING, markdown, run_study
 from studies.runs import cell, run
+from studies.scenario import load
 from studies.statistics import statement_table
 
 STYLE = Path(__file__).parents[2] / "paper_figs" / "readhesion.mplstyle"
@@ -125,3 +128,13 @@ def test_a_small_run(module, tmp_path, monkeypatch):
     figure = study.figure or (lambda rows: FIGURES[study.name].draw(rows))
     with mpl.rc_context(fname=STYLE):
         figure(rows).savefig(tmp_path / "figure.pdf")
+
+
+@pytest.mark.parametrize(
+    ("name", "module"), [("population-65-0002", population), ("random-0-0012", claims)]
+)
+def test_a_drawn_event_runs_by_its_name_as_its_row_was_made(name, module):
+    seed, k = map(int, name.split("-")[1:])
+    assert load(name) == module.event(seed, k)
+    assert simulate(name, "alone", "none").attrs["seed"] == k
+    assert [one.args[3] for one in grid([load(name)], ["alone"], ["none"], 2).cells()] == [k, k + 1]
