@@ -47,7 +47,7 @@ class UnsoundRun(ArithmeticError):
 
 NOT_USERS = (
     *(str(Path(__file__).parents[1] / name) + os.sep for name in ("alloc", "mpc", "studies")),
-    str(Path(os.__file__).parent), "<frozen",
+    str(Path(os.__file__).parent), "<frozen", "<string>",
 )  # fmt: skip
 """How names of files begin that are this project's, or Python's and its libraries'."""
 

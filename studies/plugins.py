@@ -161,7 +161,7 @@ def try_own_parts(rules: Iterable[str], controllers: Iterable[str]) -> None:
 def _ask(name: str, rule: Rule) -> None:
     """Ask a rule for small answers, and say if it takes long."""
     rule(AllocationProblem([0.2], 0.16))  # of one unit, so that a fixed number is noticed
-    rule(problem := AllocationProblem([0.1, 0.15, 0.2], 0.16))
+    rule(problem := AllocationProblem([0.1, 0.2, 0.25], 0.16))  # within reach: a solver is asked
     times: list[float] = []
     while len(times) < TIMED and sum(times) < TIMED * SLOW * 10:
         times.append(rule(problem).solve_time)

@@ -196,7 +196,7 @@ def allocated(
 ) -> Allocation:
     """The answer with `limit` to `problem`, the rest filled in; raises `AllocationError` for limits that are none."""
     try:
-        x = np.array(limit, dtype=float)
+        x = np.array(math.nan if np.iscomplexobj(limit) else limit, dtype=float)
     except (TypeError, ValueError):  # no numbers
         x = np.array(math.nan)
     if x.shape != (problem.n,):
