@@ -66,9 +66,11 @@ def blamed_on(part: str, function: Any = None) -> Iterator[None]:
             raise
         plain = unwrap(getattr(function, "func", function))
         code = getattr(plain, "__code__", None) or getattr(type(plain).__call__, "__code__", None)
-        places = [(code.co_filename, code.co_firstlineno)] if code else []
-        places += [(frame.f_code.co_filename, at) for frame, at in walk_tb(error.__traceback__)]
-        compiles = any(f"{os.sep}numba{os.sep}" in path for path, _ in places)
+        start = [(code.co_filename, code.co_firstlineno)] if code else []
+        traces = getattr(error.__context__, "__traceback__", None), error.__traceback__
+        before, frames = ([(one.f_code.co_filename, at) for one, at in walk_tb(x)] for x in traces)
+        places = [*before, *start, *frames]
+        compiles = any(f"{os.sep}numba{os.sep}" in path for path, _ in frames)
         own = [at for at in places if not at[0].startswith(NOT_USERS) and "-packages" not in at[0]]
         file, line = own[-1] if own else ("", 0)
         text, missing = " ".join(str(error).split()) or "no message", None
@@ -78,7 +80,9 @@ def blamed_on(part: str, function: Any = None) -> Iterator[None]:
             from alloc.columns import AXLE, RUN, UNIT
 
             name, lines = missing[1] or missing[2], linecache.getlines(file)
-            searched = [*range(line, len(lines) + 1), *range(1, line)] if len(own) == 1 else []
+            searched = (
+                [*range(line, len(lines) + 1), *range(1, line)] if own[-1:] == start != [] else []
+            )
             line = next((k for k in searched if re.search(rf"\b{name}\b", lines[k - 1])), line)
             known = {*dir(getattr(error, "obj", None)), *re.findall(r"\w+", "".join(lines))}
             known.update(*(table.columns for table in (AXLE, RUN, UNIT)))

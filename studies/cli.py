@@ -362,7 +362,7 @@ def check(name: str, *, tolerance: float = 1e-6, as_json: Json = False) -> int:
     except BrokenLaw as error:
         verdicts, broken = error.verdicts, error.broken
     if as_json:
-        _print_json({law: one if one < 1e300 else None for law, one in verdicts.items()})
+        _print_json(verdicts)
     else:
         print(*verdicts.values(), sep="\n")
     _say(*broken)

@@ -28,6 +28,10 @@ ROLLING = 0.5
 """A wheel whose slip is at most this share of the train's speed rolls, as each does at some time."""
 
 
+NEGATIVE = 0.01
+"""Share of the sum of all below 0 by which an axle's Q is no noise: friction takes work from both, driving and braking."""
+
+
 def _checked(
     time: ArrayLike, applied: ArrayLike, omega: ArrayLike, inertia: ArrayLike, radius: ArrayLike
 ) -> tuple[Floats, ...]:
@@ -118,4 +122,8 @@ def wheel_damage(
     turned = inertia / radius * 0.5 * (slip[1:] + slip[:-1]) * np.diff(omega, axis=0)
     damage = np.zeros_like(applied)
     np.cumsum(given - turned, axis=0, out=damage[1:])
+    k, total = int(damage[-1].argmin()), float(abs(damage[-1]).sum())
+    if damage[-1, k] < -NEGATIVE * total:
+        told = f"axle {k} has a Q of {damage[-1, k]:g} J, of {total:g} J of all"
+        warnings.warn(f"{told}: are the signs right, and all samples measured?", stacklevel=2)
     return damage
