@@ -16,7 +16,7 @@ from studies import StudyError
 from studies.keys import near
 
 MODULES = (
-    "model", "event", "sharing",
+    "model", "event", "sharing", "solvers",
     "jp5484215", "jp4209318", "rtri", "readhesion_paper", "jph07322414",
 )  # fmt: skip
 

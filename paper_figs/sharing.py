@@ -140,10 +140,4 @@ FIGURES = {
         "damage and the jerk that they cause, each with its knob at several values.",
         study="benchmark",
     ),
-    "solvers": Drawing(
-        of_study("solvers"),
-        "Worst distance of QP solvers from the exact level, an arrow from default to tight tolerances, and median times "
-        "over that of the compiled exact level; hollow where a solver says that a problem is solved and it is not.",
-        study="solvers",
-    ),
 }
