@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from alloc.columns import RUN, UNIT
-from alloc.errors import AllocationError
+from alloc.errors import AllocationError, SimulationError
 from alloc.onboard.beliefs import BELIEFS
 from alloc.onboard.settings import Onboard
 from alloc.parts import law
@@ -374,6 +374,17 @@ def the_plan(units, run):
     for u in units:
         u.wanted = min(run.plan, u.most)
     return math.nan
+
+
+@law
+def late(units, run):
+    units[0].wanted = math.nan if run.time > 1.0 else run.plan
+    return math.nan
+
+
+def test_a_limit_that_becomes_no_number_is_named():
+    with pytest.raises(SimulationError, match=r"^rule 'l' of .*: fault in line \d+: limit\[0\] is nan at 1"):  # fmt: skip
+        simulate(load("wet-patch").event(), Rule("l", "", late, "delivered always"), "none")
 
 
 def test_a_law_may_leave_its_case_to_the_loop():

@@ -123,9 +123,7 @@ def test_own_rule(capsys, elsewhere):
     assert run(["--plugin", "even.py", "check", "even"]) == 1  # it promises the optimum
     told = capsys.readouterr()
     assert told.err.startswith("readhesion: even breaks the law 'optimal'")
-    assert (
-        told.out.count("allowed 1e-06\n") == 9 == told.out.count("kept") + told.out.count("broken")
-    )
+    assert told.out.count("allowed 1e-06\n") == 9 == len(re.findall("kept|broken", told.out))
 
 
 def test_a_slow_rule_is_told(capsys, elsewhere):
@@ -133,7 +131,7 @@ def test_a_slow_rule_is_told(capsys, elsewhere):
     (elsewhere / "slow.py").write_text(slow.replace('"even"', '"slow"'))
     command = "--plugin slow.py compare --scenario wet-patch --rules slow --controllers none --seeds 1 --jobs 1"
     assert run(command.split()) == 0
-    words = r"rule 'slow' takes 3\d ms a call, .*\n.*these 1 runs take about 0\.1 min\n"
+    words = r"rule 'slow' takes \d\d ms a call, .*\n.*these 1 runs take about \d\.\d min\n"
     assert re.search(words, capsys.readouterr().err)
 
 
