@@ -12,6 +12,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
-from alloc.errors import InputError, UnsoundRun
+from alloc.errors import InputError, UnsoundRun, blamed_on
 from studies import StudyError, WorkerLost
 from studies.options import SWEEP, WORK, Count, Flag, Json, Names, Seed, Sweep, Work
 
@@ -131,7 +132,9 @@ def simulate(
     _say(*remarks(event.event(seed)))
     try_own_parts([rule], [controller])
     run = recorded(event, rule, controller, seed)
-    values = evaluate(run)
+    own = {*METRICS} > {*METRICS.shipped()}
+    with blamed_on("metrics") if own else nullcontext():
+        values = evaluate(run)
     if out is not None:
         save(run, out)
     if figure is not None:

@@ -75,9 +75,6 @@ def test_tables_have_a_row_for_each_pair(rows):
 
 
 def test_rows_are_read_as_they_were_stored(rows, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        benchmark, "stored", benchmark.stored.__wrapped__
-    )  # each time from the file
     benchmark.store(rows, tmp_path / "kept.parquet")
     monkeypatch.setattr(benchmark, "ROOT", tmp_path)
     with pytest.raises(benchmark.StudyError, match="readhesion benchmark"):
