@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from pandas.api.types import is_float
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
@@ -101,14 +102,18 @@ def kept_rows(folder: str | Path) -> dict[str, list[Row]]:
     for line in path.read_bytes().splitlines() if path.exists() else ():
         with suppress(ValueError, KeyError, TypeError):
             one = json.loads(line)
-            found[one["cell"]] = one["rows"]
+            found[one["cell"]] = [
+                {key: np.nan if x is None else x for key, x in row.items()} for row in one["rows"]
+            ]
     return found
 
 
 def _keep(folder: str | Path, made: Mapping[str, list[Row]]) -> None:
     """Add rows of cells, all at once, so that several programs can. Raises `StudyError` where they cannot be written."""
+    strict = {key: [{name: None if is_float(x) and x != x else x for name, x in row.items()} for row in rows]
+              for key, rows in made.items()}  # fmt: skip
     lines = [json.dumps({"cell": key, "rows": rows}, default=lambda one: one.tolist())
-             for key, rows in made.items()]  # fmt: skip
+             for key, rows in strict.items()]  # fmt: skip
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
         with open(Path(folder) / ROWS, "ab") as file:
