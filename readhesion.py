@@ -32,7 +32,8 @@ from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.controllers import register as register_controller
 from alloc.parts import belief, control, law
 from alloc.record import check_whole as _check_whole
-from alloc.record import load, save
+from alloc.record import load
+from alloc.record import save as _save
 from alloc.rules import (
     RULES,
     Allocation,
@@ -50,6 +51,7 @@ from studies import compare as _compare
 from studies.catalogue import find_study as _find_study
 from studies.core import StudyError as _StudyError
 from studies.core import run_study as _run_study
+from studies.options import check_file as _check_file
 from studies.plugins import refresh as _refresh
 from studies.plugins import try_own_parts as _try_own_parts
 from studies.runs import recorded as _recorded
@@ -85,6 +87,9 @@ def simulate(
     what cannot be simulated.
     """
     _check("seed", 0 if seed is None else seed, 0)
+    for registry, part, kind in ((RULES, rule, Rule), (CONTROLLERS, controller, Controller)):
+        if isinstance(part, str) and not isinstance(registry.find(part), kind):
+            raise InputError(f"{registry.kind} {part!r}: what is registered is no {kind.__name__}")
     if isinstance(event, Event):
         if seed:
             raise _StudyError(f"seed = {seed}: an event has its draws; give its scenario")
@@ -145,7 +150,7 @@ def sweep(
     `attrs` have what the study makes of them, as lists of rows: "table", and "statements" where it has some. `out`, `jobs`:
     as for `compare`.
     """
-    _check("events", 1 if events is None else events, 1)
+    _check("events", 1 if events is None else events, 1, 1_000_000)
     _check("seed", 0 if seed is None else seed, 0)
     _check("jobs", jobs, 1)
     _refresh()
@@ -192,6 +197,12 @@ def plot(run: _xr.Dataset, path: str | _Path | None = None) -> _Any:
     if path is not None:
         found.savefig(path)
     return found
+
+
+def save(run: _xr.Dataset, path: str | _Path) -> None:
+    """Write a recorded run, as netCDF (.nc) or for MATLAB (.mat); raises `InputError` for a file that cannot be."""
+    _check_file(_Path(path), ".nc", ".mat")
+    _save(run, path)
 
 
 def frame(run: _xr.Dataset, dimension: str = "axle") -> _pd.DataFrame:
@@ -247,9 +258,9 @@ def _several(option: str, given: _Any, *kinds: type) -> list[_Any]:
     return found
 
 
-def _check(option: str, value: _Any, least: int) -> None:
-    if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        raise _StudyError(f"{option} = {value!r:.60}: give a whole number from {least}")
+def _check(option: str, value: _Any, least: int, most: int = 2**31 - 1) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+        raise _StudyError(f"{option} = {value!r:.60}: give a whole number from {least} to {most}")
 
 
 def _tidy(rows: _pd.DataFrame) -> _pd.DataFrame:

@@ -410,6 +410,8 @@ def own_study(rule: str, controller: str) -> Study:
     """The runs of one pair on the population, and its place among the stored ones. Raises `StudyError`: see `stored`."""
 
     def own_cells(events: int, seed: int) -> list[Cell]:
+        if events > population.EVENTS:
+            raise StudyError(f"events = {events}: rows of {population.EVENTS} are stored")
         return [_cell(population.event(seed, k), rule, controller, k) for k in range(events)]
 
     rows = stored()

@@ -23,7 +23,7 @@ from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from alloc.errors import InputError, UnsoundRun, blamed_on
 from studies import StudyError, WorkerLost
-from studies.options import SWEEP, WORK, Count, Flag, Json, Names, Seed, Sweep, Work
+from studies.options import SWEEP, WORK, Count, Flag, Json, Names, Seed, Sweep, Work, check_file
 
 if TYPE_CHECKING:  # a command imports what it needs: the help is there at once
     import pandas as pd
@@ -121,15 +121,20 @@ def simulate(
     from alloc.rules import RULES
     from studies.plugins import try_own_parts
     from studies.runs import recorded
-    from studies.scenario import load, remarks
+    from studies.scenario import DRAWN, load, remarks
 
     event = load(scenario)
     seed = event.first_seed if seed is None else seed
     RULES.find(rule)
     CONTROLLERS.find(controller)
-    _check_file(out, ".nc", ".mat")
-    _check_file(figure, ".pdf", ".png", ".svg")
-    _say(*remarks(event.event(seed)))
+    check_file(out, ".nc", ".mat")
+    check_file(figure, ".pdf", ".png", ".svg")
+    if DRAWN.fullmatch(event.name) is None:
+        _say(*remarks(event.event(seed)))
+    elif seed != event.first_seed:
+        _say(
+            f"seed {seed} draws other errors than the rows of {event.name}, which have seed {event.first_seed}"
+        )
     try_own_parts([rule], [controller])
     run = recorded(event, rule, controller, seed)
     own = {*METRICS} > {*METRICS.shipped()}
@@ -198,7 +203,7 @@ def benchmark(
 
     from studies import benchmark as bench
 
-    _check_file(store, ".parquet")
+    check_file(store, ".parquet")
     folder = work.out / "benchmark"
     code = _asked(bench.STUDY, folder, events, seed, work)
     if store is not None and not work.dry_run and code == 0:
@@ -358,6 +363,8 @@ def check(name: str, *, tolerance: float = 1e-6, as_json: Json = False) -> int:
     from alloc.testing import check_part
     from studies.plugins import try_own_parts
 
+    if not 0.0 <= tolerance < float("inf"):
+        raise StudyError(f"--tolerance {tolerance:g}: give a finite number of 0 or more")
     try_own_parts([name], [name])
     broken: list[str] = []
     try:
@@ -385,7 +392,7 @@ def report(
     """
     from studies.report import write
 
-    _check_file(out, ".html")
+    check_file(out, ".html")
     write(results / "compare", out, events or ())
     print(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
@@ -402,7 +409,7 @@ def schema(kind: Literal["scenario", "train"] = "scenario", *, out: Path | None 
     from studies import scenario
 
     text = json.dumps(scenario.schema(kind), indent=1, allow_nan=False) + "\n"
-    _check_file(out, ".json")
+    check_file(out, ".json")
     if out is None:
         print(text, end="")
     else:
@@ -460,16 +467,6 @@ def _made(
     rows = run_study(study, folder, events, seed, *given, quiet=False)
     with styled():
         return rows, write_results(study, rows, folder)
-
-
-def _check_file(path: Path | None, *endings: str) -> None:
-    """Raise `StudyError` where a file cannot be written; minutes would be spent in vain."""
-    if path is None:
-        return
-    if path.suffix.lower() not in endings:
-        raise StudyError(f"file {str(path)!r}: its ending must be {' or '.join(endings)}")
-    if path.is_dir() or not os.access(path.absolute().parent, os.W_OK):
-        raise StudyError(f"file {str(path)!r} cannot be written")
 
 
 def _counted(rows: "pd.DataFrame") -> str:

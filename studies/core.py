@@ -116,9 +116,11 @@ def _keep(folder: str | Path, made: Mapping[str, list[Row]]) -> None:
              for key, rows in strict.items()]  # fmt: skip
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
-        with open(Path(folder) / ROWS, "ab") as file:
-            # an empty line first: the last one may have been cut off where a disk was full
-            file.write("\n".join(["", *lines, ""]).encode())
+        with open(Path(folder) / ROWS, "ab+") as file:
+            # the last line may have been cut off where a disk was full
+            file.seek(max(0, file.tell() - 1))
+            begin = "" if file.read(1) in (b"", b"\n") else "\n"
+            file.write("\n".join([begin + lines[0], *lines[1:], ""]).encode())
     except OSError as error:
         told = f"{folder}: rows cannot be written there ({error.strerror})"
         raise StudyError(told) from None

@@ -80,9 +80,14 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Command the torques, and run to the next control instant, or to the end of the event."""
-        shares = np.array(action, dtype=np.float64)
-        if self._ended or shares not in self.action_space:
-            raise StudyError(f"action = {action}: {len(self.units)} of 0 to 1, after a reset")
+        if self._ended:
+            raise StudyError("no event runs; call reset first")
+        try:
+            shares = np.array(action, dtype=np.float64)
+        except (TypeError, ValueError):
+            shares = np.array([])
+        if shares not in self.action_space:
+            raise StudyError(f"action = {action!r:.80}: give {len(self.units)} numbers from 0 to 1")
         world = self.simulation.world
         spent = world.axles.friction_work.sum()
         self._go_on(shares)

@@ -8,6 +8,8 @@ from typing import Annotated
 
 from cyclopts import Parameter, Token
 
+from studies import StudyError
+
 
 def _whole(least: int, most: int) -> Parameter:
     """A whole number within these; the library would round 1.5."""
@@ -29,6 +31,18 @@ def _names(_: type, tokens: Sequence[Token]) -> list[str]:
     if not any(found):
         raise ValueError("it has no name; `readhesion list` has them")
     return list(dict.fromkeys(filter(None, found)))
+
+
+def check_file(path: Path | None, *endings: str) -> None:
+    """Raise `StudyError` where a file cannot be written; minutes would be spent in vain."""
+    if path is None:
+        return
+    if path.suffix.lower() not in endings:
+        raise StudyError(f"file {str(path)!r}: its ending must be {' or '.join(endings)}")
+    folder = path.absolute().parent
+    if path.is_dir() or not os.access(folder, os.W_OK):
+        reason = "" if folder.is_dir() else f": there is no folder {str(folder)!r}"
+        raise StudyError(f"file {str(path)!r} cannot be written{reason}")
 
 
 Seed = Annotated[int, _whole(0, 2**31 - 1)]

@@ -43,7 +43,9 @@ def load_plugins(files: Iterable[str | Path]) -> list[ModuleType]:
 
 
 def _load(path: str) -> ModuleType:
-    if not Path(path).is_file() or Path(path).suffix not in (".py", ".toml"):
+    if not Path(path).is_file():
+        raise InputError(f"plug-in {path!r} does not exist")
+    if Path(path).suffix not in (".py", ".toml"):
         raise InputError(f"plug-in {path!r} is no Python file, and no train as TOML")
     # files of one name in two folders are two modules
     digest = hashlib.sha256(path.encode()).hexdigest()[:8]
