@@ -71,6 +71,6 @@ def test_what_cannot_be_is_said():
             ReadhesionEnvironment(**given)
     env = ReadhesionEnvironment(short("wet-start"), units=[0])
     for actions in ([0.5], [np.nan], [1.1], [0.0, 0.0]):
-        with pytest.raises(StudyError, match="call reset first|give 1 numbers from 0 to 1"):
+        with pytest.raises(StudyError, match=r"call reset first|give 1 numbers from 0 to 1"):
             env.step(np.array(actions))
         env.reset()
