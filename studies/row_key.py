@@ -30,6 +30,8 @@ from studies import SourcesChanged
 
 OWN, BELOW = "studies", ("alloc", "mpc")
 """The package whose definitions are followed one by one, and those that count as they are."""
+APART = ("alloc.estimation", "alloc.testing", "alloc.rules.testing", "alloc.citations")
+"""What of `alloc` no run uses: it counts where a function names it."""
 LIBRARIES = ("numpy", "numba", "llvmlite", "casadi", "osqp", "cvxpy")
 """Installed packages whose versions count, beside that of Python."""
 DATA = (
@@ -81,17 +83,23 @@ def _followed(function: Callable[..., Any], modules: tuple[str, ...]) -> tuple[s
             nodes = _definitions(module).get(name, [])
             seen[module, name] = computed(*nodes)
             left += [one for node in nodes for one in _named_in(node, module)]
-    packages = {top for one in others if (top := one.partition(".")[0]) in BELOW}
     files = {one if os.sep in one else str(getattr(sys.modules.get(one), "__file__", None) or "")
              for one in others if one.partition(".")[0] not in BELOW}  # fmt: skip
+    named = [f"{module}." for module in others]
+    packages = {
+        part for part in (*BELOW, *APART) if any(one.startswith(f"{part}.") for one in named)
+    }
+    packages |= {*APART} if files else set()  # a user's file may import any
     parts = [seen[one] for one in sorted(seen)]
     return _hash("\n".join([*parts, *map(_package_hash, sorted(packages))])), sorted(files)
 
 
 @cache
 def _package_hash(name: str) -> str:
-    """Hash of all that a package says, and of the libraries below it."""
-    files = _files_of(name)
+    """Hash of all that a package says, without what stands `APART` in it, and of the libraries below it."""
+    apart = [path_of(part) for part in APART if part != name]
+    folders = {path.parent if path.stem == "__init__" else path for path in apart}
+    files = [path for path in _files_of(name) if not folders & {path, *path.parents}]
     said = [
         computed(*_syntax(path).body) if path.suffix == ".py" else path.read_bytes().hex()
         for path in files
@@ -100,8 +108,16 @@ def _package_hash(name: str) -> str:
     return _hash("\n".join([*versions, *said]))
 
 
+def path_of(module: str) -> Path:
+    """File of a module of the project."""
+    path = ROOT.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
 def _files_of(name: str) -> list[Path]:
-    return sorted(path for path in (ROOT / name).rglob("*") if path.suffix in (".py", *DATA))
+    path = path_of(name)
+    found = path.parent.rglob("*") if path.stem == "__init__" else [path]
+    return sorted(path for path in found if path.suffix in (".py", *DATA))
 
 
 def _project() -> str:
@@ -190,12 +206,6 @@ def _code(code: CodeType) -> str:
     named = 0 if code.co_name == "<lambda>" else code.co_argcount + code.co_kwonlyargcount
     about = code.co_name, code.co_flags, code.co_names, code.co_varnames[:named]
     return repr((*about, code.co_code, code.co_exceptiontable, constants))
-
-
-def path_of(module: str) -> Path:
-    """File of a module of the project."""
-    path = ROOT.joinpath(*module.split("."))
-    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
 @cache

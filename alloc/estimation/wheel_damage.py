@@ -28,8 +28,8 @@ ROLLING = 0.5
 """A wheel whose slip is at most this share of the train's speed rolls, as each does at some time."""
 
 
-NEGATIVE = 0.01
-"""Share of the sum of all below 0 by which an axle's Q is no noise: friction takes work from both, driving and braking."""
+NEGATIVE, NOISE = 0.01, 1.0
+"""Share of the sum of all, and Q [J], by which an axle's Q below 0 is no noise: friction takes work, driving or braking."""
 
 
 def _checked(
@@ -123,7 +123,7 @@ def wheel_damage(
     damage = np.zeros_like(applied)
     np.cumsum(given - turned, axis=0, out=damage[1:])
     k, total = int(damage[-1].argmin()), float(abs(damage[-1]).sum())
-    if damage[-1, k] < -NEGATIVE * total:
+    if damage[-1, k] < -NEGATIVE * total - NOISE:
         told = f"axle {k} has a Q of {damage[-1, k]:g} J, of {total:g} J of all"
         warnings.warn(f"{told}: are the signs right, and all samples measured?", stacklevel=2)
     return damage

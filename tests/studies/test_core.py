@@ -1,5 +1,6 @@
 """What a folder of rows and a run of many cells survive, and what a row depends on."""
 
+import ast
 import os
 import signal
 import subprocess
@@ -15,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies import core
+from studies import core, row_key
 from studies.core import StudyError, WorkerLost, kept_rows, markdown, run_study, write_table
 from studies.row_key import decides, folder_hash
 from tests.studies import made_study
@@ -249,6 +250,23 @@ original = sys.modules["studies.row_key"].path_of
 def test_a_row_depends_on_what_its_function_names(monkeypatch, tmp_path, old, new, same):
     source = key(monkeypatch, tmp_path, SOURCE)
     assert (key(monkeypatch, tmp_path, SOURCE.replace(old, new)) == source) == same
+
+
+@pytest.mark.parametrize(("edited", "part"), [
+    ("alloc/estimation/series.py", "alloc.estimation"), ("alloc/testing.py", "alloc.testing"), ("alloc/rail.py", "alloc"),
+])  # fmt: skip
+def test_what_no_run_uses_counts_where_it_is_named(monkeypatch, edited, part):
+    """Estimations of measured runs, kits and citations stand apart."""
+    parts = ("alloc", "mpc", *row_key.APART)
+    before = {name: row_key._package_hash(name) for name in parts}
+    read = row_key._syntax
+    monkeypatch.setattr(
+        row_key, "_syntax", lambda path: ast.parse("x = 1") if path.match(edited) else read(path)
+    )
+    row_key._package_hash.cache_clear()
+    after = {name: row_key._package_hash(name) for name in parts}
+    row_key._package_hash.cache_clear()
+    assert [name for name in parts if before[name] != after[name]] == [part]
 
 
 def test_a_users_file_counts_with_its_folder(tmp_path):
