@@ -173,7 +173,7 @@ def _processes(jobs: int) -> Iterator[Executor]:
     if sys.platform == "linux":
         context.set_forkserver_preload(["studies.runs"])
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(jobs, context, _begin)
+    pool = ProcessPoolExecutor(jobs, context, begin_worker)
     try:
         yield pool
     except BaseException:
@@ -203,7 +203,7 @@ def _cluster(scheduler: str) -> Iterator[Executor]:
         yield client.get_executor(pure=False, retries=3)
 
 
-def _begin() -> None:
+def begin_worker() -> None:
     """A worker leaves signals to its parent, and ends when that ends, however."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from alloc.rules.exact import level_between
-from studies.core import Cell, Row, Study, in_one_line
+from studies.core import Cell, Row, Study, begin_worker, in_one_line
 from studies.solver_adapters import ADAPTERS, PLAN, SOLVERS, Adapter, Program, reached
 
 SIZES, LIMIT = (2, 3, 4, 6, 8, 12, 16, 32, 64, 128, 512), 60.0
@@ -100,7 +100,8 @@ def trial(adapter: Adapter, solver: str, task: Row, limit: float) -> Row:
 
 
 def be_quiet() -> None:
-    """What solvers print goes nowhere."""
+    """Begin a process that ends with its parent, and whose solvers print to nowhere."""
+    begin_worker()
     for stream in (1, 2):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
 
