@@ -31,7 +31,7 @@ from rich.progress import MofNCompleteColumn, Progress
 from alloc.files import write_whole
 from studies import SourcesChanged, StudyError, WorkerLost
 from studies.plugins import ASKED, load_plugins, loaded_files, slow
-from studies.row_key import ROWS, folder_hash, key_of, read_anew
+from studies.row_key import ROWS, key_of, read_anew
 from studies.statistics import Statement, statement_table, told
 
 if TYPE_CHECKING:
@@ -149,10 +149,10 @@ def _done(
     """Rows of each task as it is done: by this process, by processes of this machine, or by a Dask cluster."""
     files = loaded_files()
     if scheduler is None and jobs == 1:
-        yield from map(_do, tasks)
+        yield from (_do(task, files) for task in tasks)
         return
     with _processes(jobs) if scheduler is None else _cluster(scheduler) as pool:
-        for one in as_completed([pool.submit(_load_and_do, task, files) for task in tasks]):
+        for one in as_completed([pool.submit(_do, task, files) for task in tasks]):
             try:
                 yield one.result()
             except WorkerLost:
@@ -266,15 +266,11 @@ def run_study(
     return found if len(found) else pd.DataFrame(columns=list(BOOKKEEPING))
 
 
-def _load_and_do(task: bytes, plugins: Sequence[str]) -> dict[str, list[Row]]:
-    """The same in a worker, which may live longer than a user's files stay as they are."""
-    load_plugins(plugins)  # before their functions are unpickled
-    return _do(task)
-
-
-def _do(task: bytes) -> dict[str, list[Row]]:
+def _do(task: bytes, plugins: Sequence[str]) -> dict[str, list[Row]]:
     """The rows of some cells by their keys. What goes wrong in a cell is its row; a fault of the place is raised."""
-    folder_hash.cache_clear()
+    load_plugins(
+        plugins
+    )  # before their functions are unpickled; and files of users count as they are now
     run, cells = pickle.loads(task)
     found = {}
     for key, cell in cells:
