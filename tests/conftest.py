@@ -22,6 +22,28 @@ def memory():
     assert taken < MOST_MEMORY, f"this process of the tests took {taken / 1e9:.1f} GB"
 
 
+@pytest.fixture(autouse=True)
+def own_parts():
+    """What a test registers, or loads as a plug-in, is gone after it: no test sees the parts of another."""
+    from alloc.registry import Registry
+    from studies import plugins
+
+    kept = {origin for registry in Registry.every for origin in registry.origins()}
+    tables = (plugins._loaded, plugins._hashes, plugins.slow)
+    before = [dict(table) for table in tables]
+    yield
+    for registry in Registry.every:
+        for origin in registry.origins() - kept:
+            if origin.partition(".")[0] not in plugins.PACKAGES:
+                registry.forget(origin)
+    for origin in set(Registry.registered) - kept:
+        if origin.partition(".")[0] not in plugins.PACKAGES:
+            del Registry.registered[origin]
+    for table, rows in zip(tables, before, strict=True):
+        table.clear()
+        table.update(rows)
+
+
 def pytest_collection_modifyitems(items):
     """The slow ones first, so that no process is left with one when the others are done."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
