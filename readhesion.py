@@ -21,19 +21,13 @@ from typing import Any as _Any
 import pandas as _pd
 import xarray as _xr
 
-from alloc import simulation as _simulation
-from alloc.driving import drive
-from alloc.errors import InputError
-from alloc.event import DriverCommand, Event
-from alloc.metrics import METRICS, Metric, metric
-from alloc.metrics import evaluate as _evaluate
+from alloc.conformance import check_controller, check_curve
+from alloc.evaluation.metrics import METRICS, Metric, metric
+from alloc.evaluation.metrics import evaluate as _evaluate
 from alloc.onboard.beliefs import BELIEFS, Belief
-from alloc.onboard.controllers import CONTROLLERS, Controller
-from alloc.onboard.controllers import register as register_controller
-from alloc.parts import belief, control, law
-from alloc.record import check_whole as _check_whole
-from alloc.record import load
-from alloc.record import save as _save
+from alloc.onboard.controllers.controller import CONTROLLERS, Controller
+from alloc.onboard.controllers.controller import register as register_controller
+from alloc.onboard.signatures import belief, control, share
 from alloc.rules import (
     RULES,
     Allocation,
@@ -43,29 +37,72 @@ from alloc.rules import (
     optimality,
     reference_rule,
 )
-from alloc.rules.testing import check_rule
-from alloc.tables import Column, Table
-from alloc.testing import check_controller, check_curve
+from alloc.rules.conformance import check_rule
+from alloc.run import simulation as _simulation
+from alloc.run.driving import drive
+from alloc.run.event import DriverCommand, Event
+from alloc.run.recording import check_whole as _check_whole
+from alloc.run.recording import load
+from alloc.run.recording import save as _save
+from alloc.schema.errors import InputError
+from alloc.schema.tables import Column, Table
 from studies import benchmark as _benchmark
 from studies import compare as _compare
-from studies.catalogue import find_study as _find_study
-from studies.core import StudyError as _StudyError
-from studies.core import run_study as _run_study
-from studies.options import check_file as _check_file
-from studies.plugins import refresh as _refresh
-from studies.plugins import try_own_parts as _try_own_parts
-from studies.runs import recorded as _recorded
-from studies.scenario import Scenario
-from studies.scenario import load as load_scenario
+from studies.command.options import check_file as _check_file
+from studies.files.scenario import Scenario
+from studies.files.scenario import load as load_scenario
+from studies.run_cell import recorded as _recorded
+from studies.runner.catalogue import find_study as _find_study
+from studies.runner.plugins import refresh as _refresh
+from studies.runner.plugins import try_own_parts as _try_own_parts
+from studies.runner.study import StudyError as _StudyError
+from studies.runner.study import run_study as _run_study
 
 __version__ = _version("readhesion")
 __all__ = [
-    "BELIEFS", "CONTROLLERS", "METRICS", "RULES", "Allocation", "AllocationProblem", "Belief", "Column", "Controller",
-    "DriverCommand", "Event", "InputError", "Metric", "Rule", "Scenario", "Table", "belief", "check_controller",
-    "check_curve", "check_rule", "compare", "control", "convex_rule", "drive", "evaluate", "frame", "law", "load",
-    "load_scenario", "metric", "optimality", "plot", "rank", "reference_rule", "register_controller", "save", "simulate",
+    "BELIEFS",
+    "CONTROLLERS",
+    "METRICS",
+    "RULES",
+    "Allocation",
+    "AllocationProblem",
+    "Belief",
+    "Column",
+    "Controller",
+    "DriverCommand",
+    "Event",
+    "InputError",
+    "Metric",
+    "Rule",
+    "Scenario",
+    "Table",
+    "belief",
+    "check_controller",
+    "check_curve",
+    "check_rule",
+    "compare",
+    "control",
+    "convex_rule",
+    "drive",
+    "evaluate",
+    "frame",
+    "law",
+    "load",
+    "load_scenario",
+    "metric",
+    "optimality",
+    "plot",
+    "rank",
+    "reference_rule",
+    "register_controller",
+    "save",
+    "share",
+    "simulate",
     "sweep",
 ]  # fmt: skip
+
+law = share
+"""What `share` was called; goes with the next release."""
 
 _Named = str | _Path | Scenario
 
@@ -80,7 +117,7 @@ def simulate(
     controller: str | Controller = "perturb-observe",
     seed: int | None = None,
 ) -> _xr.Dataset:
-    """Run one slip event under a rule and a readhesion controller; returns the recorded run, see `alloc.record`.
+    """Run one slip event under a rule and a readhesion controller; returns the recorded run, see `alloc.run.recording`.
 
     `event`: the name of a scenario or of a drawn event, the path of a file, a `Scenario`, or an `Event`, which has its draws
     already. `seed` determines all that a scenario draws; left out: 0, or a drawn event's number. Raises `InputError` for
@@ -268,6 +305,6 @@ def _tidy(rows: _pd.DataFrame) -> _pd.DataFrame:
 
 
 if __name__ == "__main__":
-    from studies.cli import main
+    from studies.command.command_line import main
 
     main()

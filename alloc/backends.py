@@ -1,4 +1,5 @@
-"""The laws of `alloc.laws` for compiled code and for CasADi: the same text, with other elementary operations in its scope.
+"""The laws of `alloc.laws` for compiled code and for CasADi: the same text, with other elementary operations in its
+scope.
 
 `compiled.gradient_force(...)` and `symbolic.gradient_force(...)` are `laws.gradient_force` for Numba and for CasADi. In
 compiled code `where(c, a, b)` becomes `a if c else b`, so that of two expensive sides one is computed.

@@ -1,8 +1,8 @@
 """The physical laws of contact, wheelset and train, each stated once and elementwise, in SI units.
 
 Traction counts positive, braking negative. No law branches on a state or changes an argument, so the same text serves NumPy
-(this module), compiled code and CasADi (`alloc.backends`). What a law needs is an argument of it; who calls it says which
-axle stands on which car.
+(this module), compiled code and CasADi (`alloc.backends`). What a law needs is an argument of it; who calls it says
+which axle stands on which car.
 """
 
 from numpy import abs as absolute

@@ -11,9 +11,9 @@ Search       The slip limit swings, l = s* (1 + a sin p). z_s and z_mu are ln s 
 
 import math
 
-from alloc.columns import NAN
 from alloc.compilation import jit
-from alloc.onboard.searches import clip, lag_share, lasted
+from alloc.onboard.columns import NAN
+from alloc.onboard.controllers.search import clip, lag_share, lasted
 from alloc.onboard.sensing import is_seen
 
 AXLES = 8

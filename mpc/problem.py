@@ -35,9 +35,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc import backends
-from alloc.columns import ONE
-from alloc.errors import InputError
-from alloc.tables import Column, Rows, Table
+from alloc.onboard.columns import ONE
+from alloc.schema.errors import InputError
+from alloc.schema.tables import Column, Rows, Table
 
 Floats = NDArray[np.float64]
 COEFFICIENT, SLIP = 0.1, 0.05

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from alloc.columns import NAN, ONE
 from alloc.compilation import jit
-from alloc.onboard.controllers import CONTROLLERS, cut_and_ramp, register
-from alloc.onboard.searches import clip
+from alloc.onboard.columns import NAN, ONE
+from alloc.onboard.controllers.controller import CONTROLLERS, cut_and_ramp, register
+from alloc.onboard.controllers.search import clip
 from alloc.onboard.sensing import LIMITING
-from alloc.parts import control
-from alloc.tables import Column, Table
+from alloc.onboard.signatures import control
+from alloc.schema.tables import Column, Table
 from mpc.belief import AXLES, LEAST_SLIP, observe, seek
 from mpc.plan import advance, line, plan, torque_scale
 from mpc.problem import BELIEVED, Problem, Weights, solve

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from alloc.files import write_whole
 from paper_figs.style import Drawing
 from studies import StudyError
-from studies.keys import near
+from studies.files.toml_keys import near
 
 MODULES = (
     "model", "event", "sharing", "solvers",

@@ -18,15 +18,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from alloc.event import Event
+from alloc.evaluation.metrics import evaluate
 from alloc.laws import window
-from alloc.metrics import evaluate
-from alloc.onboard.controllers import CONTROLLERS
+from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.plant.rows import rows_of
 from alloc.rules import RULES
-from alloc.train_rows import rows_of
+from alloc.run.event import Event
 from paper_figs.style import NARROW, WIDE, Drawing
-from studies.runs import recorded
-from studies.scenario import load
+from studies.files.scenario import load
+from studies.run_cell import recorded
 
 OFFERED, DARK, MOTOR_CAR = "#c6dcef", "#444444", "#dfe7ee"
 ADHESION = LinearSegmentedColormap.from_list("adhesion", ["#08306b", "#6baed6", "#f4f9fd"])

@@ -7,9 +7,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.columns import AXLE, PLANT
+from alloc.evaluation.metrics import distance
 from alloc.laws import speed_law
-from alloc.metrics import distance
+from alloc.onboard.columns import AXLE, PLANT
 from paper_figs.style import WIDE, Drawing
 from studies.jp4209318 import CALIBRATED, TABLE_3, TABLE_4, stop
 

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from alloc.curves import POLACH_DRY, POLACH_WET
-from alloc.rail import GROWTH_SLOPE, logarithmic_increments
+from alloc.plant.curves import POLACH_DRY, POLACH_WET
+from alloc.plant.rail import GROWTH_SLOPE, logarithmic_increments
 from alloc.rules import RULES, AllocationProblem
 from paper_figs.sharing import of_study
 from paper_figs.style import NARROW, WIDE, Drawing
+from studies.files.scenario import load
 from studies.learning import SIGMA, axle_shifts, drawn_counts, fit, planned, unit_increments
-from studies.runs import recorded
-from studies.scenario import load
+from studies.run_cell import recorded
 
 SOURCE = "jp5484215"
 BLUE, RED, DARK = "#0072b2", "#d55e00", "#444444"

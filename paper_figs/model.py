@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from alloc.curves import CURVES, AdhesionCurve, PiecewiseCurve
-from alloc.train_rows import rows_of
+from alloc.plant.curves import CURVES, AdhesionCurve, PiecewiseCurve
+from alloc.plant.rows import rows_of
 from paper_figs.style import WIDE, Drawing
-from studies.scenario import load
+from studies.files.scenario import load
 
 BLUE, RED, GREEN, DARK, PALE = "#0072b2", "#d55e00", "#009e73", "#444444", "#e8f0f7"
 SLIP, COEFFICIENT = "slip velocity [m/s]", "tangential force coefficient [1]"

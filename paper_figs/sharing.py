@@ -25,7 +25,7 @@ def of_study(name: str) -> Callable[[pd.DataFrame], Figure]:
     """The own figure of a study, which is imported when it is drawn."""
 
     def draw(rows: pd.DataFrame) -> Figure:
-        from studies.catalogue import find_study
+        from studies.runner.catalogue import find_study
 
         figure = find_study(name).figure
         assert figure is not None

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from studies.core import NARROW, WIDE
+from studies.runner.study import NARROW, WIDE
 
 __all__ = ["NARROW", "WIDE", "Drawing"]
 

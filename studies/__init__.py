@@ -1,6 +1,6 @@
 """Slip events as files and as populations, and what is asked of rules and controllers over many of them."""
 
-from alloc.errors import InputError
+from alloc.schema.errors import InputError
 
 
 class StudyError(InputError):

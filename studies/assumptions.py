@@ -10,14 +10,15 @@ from typing import Any
 
 import pandas as pd
 
-from alloc.metrics import evaluate
-from alloc.onboard.settings import Belief, Onboard
-from alloc.simulation import simulate
-from alloc.units import unit_of
-from studies import population, runs
-from studies.core import Cell, Row, Study
-from studies.events import Keys
-from studies.scenario import Scenario
+from alloc.evaluation.metrics import evaluate
+from alloc.onboard.settings import Assumed, Onboard
+from alloc.run.simulation import simulate
+from alloc.schema.units import unit_of
+from studies import run_cell as runs
+from studies.files.scenario import Scenario
+from studies.population import population
+from studies.population.draws import Keys
+from studies.runner.study import Cell, Row, Study
 from studies.statistics import Interval, mean
 
 PAIRS = [(rule, law) for law in ("perturb-observe", "mpc") for rule in ("alone", "cooperative")]
@@ -83,7 +84,7 @@ def _scale(whole: Any, given: Any, path: list[str], factor: float) -> None:
     value = reduce(lambda table, key: (table or {}).get(key), path, whole)
     if value is None and path[0] in ("onboard", "belief"):
         unit = unit_of(path[-1])
-        record = reduce(getattr, path[1:-1], Onboard() if path[0] == "onboard" else Belief())
+        record = reduce(getattr, path[1:-1], Onboard() if path[0] == "onboard" else Assumed())
         value = getattr(record, path[-1].removesuffix(unit.ending)) / unit.factor
     if value:
         inner = reduce(lambda table, key: table.setdefault(key, {}), path[:-1], given)

@@ -14,17 +14,19 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from alloc.compilation import ROOT
+from alloc.evaluation.metrics import evaluate
 from alloc.files import write_whole
-from alloc.metrics import evaluate
-from alloc.onboard.controllers import CONTROLLERS
+from alloc.onboard.controllers.controller import CONTROLLERS
 from alloc.rules import RULES
-from alloc.simulation import simulate
-from studies import StudyError, population, runs
+from alloc.run.simulation import simulate
+from studies import StudyError
+from studies import run_cell as runs
 from studies.compare import MOST_OVER, NEGLIGIBLE, mark_of, meanings
-from studies.core import WIDE, Cell, Row, Study
-from studies.plugins import load_plugins, try_own_parts
-from studies.row_key import LIBRARIES, decides
-from studies.scenario import Scenario
+from studies.files.scenario import Scenario
+from studies.population import population
+from studies.runner.plugins import load_plugins, try_own_parts
+from studies.runner.row_key import LIBRARIES, decides
+from studies.runner.study import WIDE, Cell, Row, Study
 from studies.statistics import (
     Claim,
     Interval,

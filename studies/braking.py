@@ -14,15 +14,15 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from alloc.laws import GRAVITY
+from alloc.plant.rows import rows_of
+from alloc.plant.train import Train
 from alloc.rules import RULES
-from alloc.train import Train
-from alloc.train_rows import rows_of
 from studies import claims
-from studies import events as e
 from studies.claims import CONTROLLERS, CORRECTED, LAYERS
-from studies.core import NARROW, Cell, Study
-from studies.runs import complete, paired, run
-from studies.scenario import Scenario, load
+from studies.files.scenario import Scenario, load
+from studies.population import draws as e
+from studies.run_cell import complete, paired, run
+from studies.runner.study import NARROW, Cell, Study
 from studies.statistics import Claim, Statement, forest, judge
 
 COMPARED = ("alone", *claims.PRIOR_ART, *LAYERS)
@@ -59,7 +59,7 @@ class Kind(NamedTuple):
 
 
 _COMMUTER = (12.0, (30.0, 120.0), (2.0, 4.0))
-TRAINS = {
+DRAWN_TRAINS = {
     "inverter per car": Kind({"train": "commuter-8car"}, *_COMMUTER),
     "sixteen cars": Kind({"train": "high-speed-16car"}, 6.0, (40.0, 240.0), (1.6, 2.8)),
     "inverter per axle": Kind({"train": "commuter-8car", "inverter_group": "1C1M"}, *_COMMUTER),
@@ -76,7 +76,7 @@ def draw(seed: int, k: int) -> e.Keys:
     number = 6 * (k // 3) + NUMBERS[k % 3]
     g = e.Draw(seed, number, 19)
     return {
-        "train": list(TRAINS)[k % 3],
+        "train": list(DRAWN_TRAINS)[k % 3],
         "curve": CURVES[number % 7],
         "residual_ratio": g.uniform(0.3, 0.98),  # steep to flat behind the peak
         "peak_slip": g.log_uniform(0.15, 0.8),
@@ -118,13 +118,13 @@ def draw(seed: int, k: int) -> e.Keys:
 @cache
 def train_of(name: str) -> Train:
     """Empty."""
-    return load("wet-stop").changed(variation=None, **TRAINS[name].keys).event().train
+    return load("wet-stop").changed(variation=None, **DRAWN_TRAINS[name].keys).event().train
 
 
 def event(seed: int, k: int) -> Scenario:
     """Stop `k`."""
     d = draw(seed, k)
-    kind, train = TRAINS[d["train"]], train_of(d["train"])
+    kind, train = DRAWN_TRAINS[d["train"]], train_of(d["train"])
     asked = _between(kind.asked, d["deceleration"]) / 3.6
     speed = d["end_kmh"] or _between(kind.speed, d["speed"])
     offered = max(LEAST_LEVEL, d["share"] * asked / GRAVITY)

@@ -14,12 +14,12 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from alloc.metrics import series
+from alloc.evaluation.metrics import series
 from alloc.rules import RULES
-from studies import events as e
-from studies.core import WIDE, Cell, Row, Study
-from studies.runs import Measure, cell, complete, paired, run
-from studies.scenario import Scenario, load
+from studies.files.scenario import Scenario, load
+from studies.population import draws as e
+from studies.run_cell import Measure, cell, complete, paired, run
+from studies.runner.study import WIDE, Cell, Row, Study
 from studies.statistics import Claim, Numbers, Statement, forest, judge, means
 
 CONTROLLERS = ("cut-and-ramp", "perturb-observe")

@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from alloc.metrics import METRICS
-from alloc.onboard.controllers import CONTROLLERS
+from alloc.evaluation.metrics import METRICS
+from alloc.onboard.controllers.controller import CONTROLLERS
 from alloc.rules import RULES
-from studies.core import WIDE, Cell, Row, Study, StudyError
-from studies.runs import cell, run
-from studies.scenario import Scenario, default_scenarios
+from studies.files.scenario import Scenario, default_scenarios
+from studies.run_cell import cell, run
+from studies.runner.study import WIDE, Cell, Row, Study, StudyError
 from studies.statistics import Interval, forest, mean
 
 if TYPE_CHECKING:
@@ -231,7 +231,7 @@ def informed(rules: Sequence[str]) -> list[str]:
     for name in dict.fromkeys(rules):
         rule = RULES.get(name)
         if name != REFERENCE and rule:
-            groups.setdefault(rule.belief.told, []).append(name)
+            groups.setdefault(rule.belief.description, []).append(name)
     if len(groups) < 2:
         return []
     return [f"{', '.join(names)}: told {words}" for words, names in groups.items()]

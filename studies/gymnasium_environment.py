@@ -1,6 +1,6 @@
 """A slip event as an environment of Gymnasium: the agent is the readhesion controller of some units of the train, or of all.
 
-A step is a control period of `alloc.simulation`, so plant, sensors, telegrams and rule are those of every other run. Needs
+A step is a control period of `Simulation`, so plant, sensors, telegrams and rule are those of every other run. Needs
 the extra `gym`. Importing this module registers the environment as ``readhesion/train-v0``.
 """
 
@@ -12,11 +12,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from alloc.onboard.controllers import CONTROLLERS
+from alloc.onboard.controllers.controller import CONTROLLERS
 from alloc.rules import RULES
-from alloc.simulation import Simulation
-from studies.core import StudyError
-from studies.scenario import Scenario, load
+from alloc.run.simulation import Simulation
+from studies.files.scenario import Scenario, load
+from studies.runner.study import StudyError
 
 Floats = NDArray[np.float64]
 TORQUES = ("motor_torque", "torque_target", "drive_limit", "brake_limit")

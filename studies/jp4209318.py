@@ -4,7 +4,7 @@ Table 2 gives train, brakes and cycle. The adhesion of Fig. 2, how sliding wheel
 the three sensitivities are not disclosed. Here they are 15 numbers (`Undisclosed`); Tables 3 and 4 print 8 different ones.
 So what follows shows that the model can do what the source reports, not that it is right. ``jp4209318_members.csv`` has 54
 sets that reach both tables, and one that was sought without the distance of two cars. For Q (28) of any record there is
-`alloc.estimation.wheel_damage.wheel_damage`, of plain arrays in SI units.
+`alloc.evaluation.wheel_damage.wheel_damage`, of plain arrays in SI units.
 """
 
 from collections.abc import Iterator
@@ -19,17 +19,17 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from alloc.curves import SlipRatioCurve
-from alloc.estimation.wheel_damage import wheel_damage
-from alloc.event import DriverCommand, Event
+from alloc.evaluation.metrics import damage, distance, locked_time
+from alloc.evaluation.wheel_damage import wheel_damage
 from alloc.laws import GRAVITY
-from alloc.metrics import damage, distance, locked_time
 from alloc.onboard.settings import Fuzzy, Onboard, SlideProtection, Threshold
-from alloc.rail import Rail
-from alloc.sets import find_set
-from alloc.simulation import simulate
-from alloc.train import Train
-from studies.core import Cell, Row, Study
+from alloc.plant.curves import SlipRatioCurve
+from alloc.plant.rail import Rail
+from alloc.plant.train import Train
+from alloc.plant.trains import find_train
+from alloc.run.event import DriverCommand, Event
+from alloc.run.simulation import simulate
+from studies.runner.study import Cell, Row, Study
 from studies.statistics import CONDITIONS, FAILS, HOLDS
 
 Floats = NDArray[np.float64]
@@ -129,7 +129,7 @@ def members(arm: str = "all") -> list[Undisclosed]:
 
 def train(cars: int = 3, shoe_force_share: float = CALIBRATED.shoe_force_share) -> Train:
     """The train of Table 2 with this number of cars: 8000 kg and 120 kg m2 on each of 4 axles of a car, r = 0.43 m."""
-    whole = find_set("jp4209318-3car")
+    whole = find_train("jp4209318-3car")
     car, brake = whole.cars[0], whole.cars[0].air_brake
     assert brake is not None
     axle_mass = car.loaded_mass / len(car.axle_positions)

@@ -22,17 +22,17 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from alloc.driving import NO_COMMAND, TrainSense, drive
-from alloc.event import Event
+from alloc.evaluation.metrics import jerk
 from alloc.laws import GRAVITY
-from alloc.metrics import jerk
 from alloc.onboard.settings import Onboard
-from alloc.rail import Line, Rail
-from alloc.sets import find_set
-from alloc.tables import Rows
-from alloc.train import EFFORT_SPEED_STEP, Train
-from alloc.train_rows import rows_of
-from studies.core import WIDE, Cell, Row, Study
+from alloc.plant.rail import Line, Rail
+from alloc.plant.rows import rows_of
+from alloc.plant.train import EFFORT_SPEED_STEP, Train
+from alloc.plant.trains import find_train
+from alloc.run.driving import NO_COMMAND, TrainSense, drive
+from alloc.run.event import Event
+from alloc.schema.tables import Rows
+from studies.runner.study import WIDE, Cell, Row, Study
 from studies.statistics import Claim, Interval, Statement, forest, judge, mean
 
 Floats = NDArray[np.float64]
@@ -100,7 +100,7 @@ class Route:
 def route(kind: str, tunnel_factor: float, load: float, gradient: float, cruise: float) -> Route:
     """A tunnel, a climb and a descent; `load` as a share of a full one, `gradient` as rise per run, `cruise` [m/s]."""
     of = KINDS[kind]
-    train = find_set(of.train)
+    train = find_train(of.train)
     train = train.loaded((load * of.full_load,) * len(train.cars))
     x = (of.tunnel + of.stretch * np.arange(6)).tolist()
     grades = (0.0, gradient, 0.0, -gradient, 0.0)
@@ -260,7 +260,7 @@ Learnt: the latter once it is learnt, claim 5, with I_FB or, as printed, alone."
 
 @dataclass(eq=False)
 class SpeedControl:
-    """A driver for `alloc.driving.drive` in a case of `CASES`: force I_FB + I_FF, at most what the motors give.
+    """A driver for `alloc.run.driving.drive` in a case of `CASES`: force I_FB + I_FF, at most what the motors give.
 
     I_FB by PI control if `integral`, else by P control; `seed` of the measured speed's noise, None for no noise.
     """
@@ -490,7 +490,7 @@ def learnt_alone(of: Route, run: xr.Dataset, seed: int) -> Row:
 
 def boarded(loads: tuple[float, ...], seed: int) -> Row:
     """Error of the commuter train's mass, learnt on its first departure with `loads`; it knows the resistance when empty."""
-    empty, line = find_set(KINDS["commuter"].train), Line(tunnel_factor=2.0, spacing=1.0)
+    empty, line = find_train(KINDS["commuter"].train), Line(tunnel_factor=2.0, spacing=1.0)
     of = Route(empty.loaded(loads), line, first=0.0, cruise=15.0, rate=0.5, duration=60.0)
     run = drive_case(of, "feedback", True, np.ones(3), seed=None)
     row: Row = {"mass_before": empty.mass / of.train.mass - 1.0}

@@ -18,15 +18,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from alloc.event import Event
+from alloc.evaluation.metrics import METRICS
 from alloc.laws import speed_law
-from alloc.metrics import METRICS
-from alloc.rail import SPEED_LAWS, logarithmic_increments
+from alloc.plant.rail import SPEED_LAWS, logarithmic_increments
+from alloc.plant.rows import rows_of
 from alloc.rules import RULES
-from alloc.simulation import simulate
-from alloc.train_rows import rows_of
-from studies.core import WIDE, Cell, Row, Study, StudyError
-from studies.scenario import Scenario, load
+from alloc.run.event import Event
+from alloc.run.simulation import simulate
+from studies.files.scenario import Scenario, load
+from studies.runner.study import WIDE, Cell, Row, Study, StudyError
 from studies.statistics import Claim, Numbers, Statement, judge, means
 
 Floats = NDArray[np.float64]

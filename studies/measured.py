@@ -17,13 +17,13 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq, least_squares
 
-from alloc.curves import PolachCurve
-from alloc.event import DriverCommand, Event
 from alloc.onboard.settings import Onboard, SlideLaw, SlideProtection
-from alloc.rail import Line, Rail, logarithmic_increments
-from alloc.sets import find_set
-from alloc.simulation import simulate
-from studies.core import Cell, Row, Study
+from alloc.plant.curves import PolachCurve
+from alloc.plant.rail import Line, Rail, logarithmic_increments
+from alloc.plant.trains import find_train
+from alloc.run.event import DriverCommand, Event
+from alloc.run.simulation import simulate
+from studies.runner.study import Cell, Row, Study
 
 CREEP = pd.read_csv(Path(__file__).with_name("measured_creep.csv"))
 MILE, START, STATION, STOPPED = 1609.344, 64.0, 0.77, 3.22
@@ -35,7 +35,7 @@ MEASURED = {
     "slide: lowest used over mean, axle 1": 0.62, "slide: releases per s": 0.7,
     "stop: speed at the station [mph]": 50.0, "stop: time [s]": 390.0,
 }  # fmt: skip
-WHOLE = find_set("gb-unit-8car")
+WHOLE = find_train("gb-unit-8car")
 CARS = (replace(WHOLE.cars[0], mass=45144.0),) * 2
 TRAIN = replace(WHOLE, cars=CARS, resistance=(1250.0, 37.5, 3.5))  # masses of the slide's cars
 

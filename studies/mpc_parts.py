@@ -8,18 +8,19 @@ from functools import cache
 
 import pandas as pd
 
-from alloc.columns import ONE
-from alloc.metrics import evaluate
-from alloc.onboard.controllers import CONTROLLERS, Controller
-from alloc.onboard.searches import CREEP_ROW, PERTURB_ROW, perturb_observe, pi_creep
-from alloc.parts import control
-from alloc.simulation import simulate
-from alloc.tables import Column, Table
+from alloc.evaluation.metrics import evaluate
+from alloc.onboard.columns import ONE
+from alloc.onboard.controllers.controller import CONTROLLERS, Controller
+from alloc.onboard.controllers.search import CREEP_ROW, PERTURB_ROW, perturb_observe, pi_creep
+from alloc.onboard.signatures import control
+from alloc.run.simulation import simulate
+from alloc.schema.tables import Column, Table
 from mpc.plan import plan, torque_scale
 from mpc.unit import MPC, PROBLEM_ROW, command, memory_of, pose
-from studies import population, runs
-from studies.core import Cell, Row, Study
-from studies.scenario import Scenario
+from studies import run_cell as runs
+from studies.files.scenario import Scenario
+from studies.population import population
+from studies.runner.study import Cell, Row, Study
 from studies.statistics import mean
 
 MEASURES = {

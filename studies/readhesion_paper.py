@@ -22,11 +22,11 @@ from scipy.signal import find_peaks
 
 from alloc.backends import compiled as law
 from alloc.compilation import jit
-from alloc.curves import PiecewiseCurve
-from alloc.estimation.series import spans
+from alloc.evaluation.series import spans
 from alloc.laws import GRAVITY, gradient_force
-from alloc.onboard.controllers import asymmetric_lag, torque_factor
-from studies.core import Cell, Row, Study
+from alloc.onboard.controllers.controller import asymmetric_lag, torque_factor
+from alloc.plant.curves import PiecewiseCurve
+from studies.runner.study import Cell, Row, Study
 
 Floats = NDArray[np.float64]
 INF = math.inf

@@ -17,8 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from alloc.driving import NO_COMMAND, TrainSense, drive
-from alloc.estimation.brake_force import (
+from alloc.evaluation.brake_force import (
     BrakeRigging,
     CalibrationErrors,
     braking_window,
@@ -28,15 +27,16 @@ from alloc.estimation.brake_force import (
     rolling_mass,
     smooth_brake_forces,
 )
-from alloc.estimation.series import spans
-from alloc.event import Event
+from alloc.evaluation.series import spans
 from alloc.laws import resistance, speed_law
-from alloc.rail import Rail
-from alloc.sets import find_set
-from alloc.tables import Rows
-from alloc.train import Train
-from alloc.train_rows import rows_of
-from studies.core import BOOKKEEPING, Cell, Row, Study
+from alloc.plant.rail import Rail
+from alloc.plant.rows import rows_of
+from alloc.plant.train import Train
+from alloc.plant.trains import find_train
+from alloc.run.driving import NO_COMMAND, TrainSense, drive
+from alloc.run.event import Event
+from alloc.schema.tables import Rows
+from studies.runner.study import BOOKKEEPING, Cell, Row, Study
 from studies.statistics import Claim, Statement, judge
 
 Floats = NDArray[np.float64]
@@ -50,7 +50,7 @@ DRY = 0.3
 """Coefficient of adhesion: dry rails, on which no wheel slides."""
 SHOE_SCATTER = 0.05
 """Relative standard deviation of shoe friction between cars. Assumed; the report speaks of scatter (3.2.2)."""
-BRAKE = find_set("freight-5").cars[-1].air_brake
+BRAKE = find_train("freight-5").cars[-1].air_brake
 assert BRAKE is not None
 STEP, EMERGENCY, FRICTION = 350e3, BRAKE.pressure, BRAKE.friction
 """Pressures of the cylinders in the third service step and in emergency [Pa]; law of the shoes' friction. Assumed."""
@@ -86,7 +86,7 @@ CUT_OUT = ("all", "4 wagons", "3 wagons", "2.5 wagons")
 def train_of(test: RunningTest, day: int) -> Train:
     """The train of a test; the same day has the same wagons in every test of the same length."""
     draw = np.random.default_rng([day, 40])
-    train = find_set(f"freight-{test.wagons}")
+    train = find_train(f"freight-{test.wagons}")
     factors = 1.0 + SHOE_SCATTER * draw.standard_normal(len(train.cars))
     order = 1 + draw.permutation(test.wagons)
     halves = test.braked % 1.0 > 0.0

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from studies import StudyError
-from studies.core import Row
+from studies.runner.study import Row
 
 PLAN = 0.17
 """Coefficient of the plan."""

@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from alloc.rules.exact import level_between
-from studies.core import Cell, Row, Study, begin_worker, in_one_line
+from studies.runner.study import Cell, Row, Study, begin_worker, in_one_line
 from studies.solver_adapters import ADAPTERS, PLAN, SOLVERS, Adapter, Program, reached
 
 SIZES, LIMIT = (2, 3, 4, 6, 8, 12, 16, 32, 64, 128, 512), 60.0

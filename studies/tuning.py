@@ -10,13 +10,14 @@ from functools import cache
 import numpy as np
 import pandas as pd
 
-from alloc.errors import InputError
-from alloc.metrics import evaluate
-from alloc.onboard.controllers import CONTROLLERS, Controller
-from alloc.simulation import simulate
-from studies import population, runs
-from studies.core import Cell, Row, Study
-from studies.scenario import Scenario
+from alloc.evaluation.metrics import evaluate
+from alloc.onboard.controllers.controller import CONTROLLERS, Controller
+from alloc.run.simulation import simulate
+from alloc.schema.errors import InputError
+from studies import run_cell as runs
+from studies.files.scenario import Scenario
+from studies.population import population
+from studies.runner.study import Cell, Row, Study
 
 CANDIDATES, FACTOR = 40, 3.0
 """Candidates for each controller, and the greatest factor on a parameter."""

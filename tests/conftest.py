@@ -25,8 +25,8 @@ def memory():
 @pytest.fixture(autouse=True)
 def own_parts():
     """What a test registers, or loads as a plug-in, is gone after it: no test sees the parts of another."""
-    from alloc.registry import Registry
-    from studies import plugins
+    from alloc.schema.registry import Registry
+    from studies.runner import plugins
 
     kept = {origin for registry in Registry.every for origin in registry.origins()}
     tables = (plugins._loaded, plugins._hashes, plugins.slow)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from alloc.columns import NEVER, RUN, UNIT
 from alloc.onboard.beliefs import BELIEFS, HELD, LEAST, RISE, ROOM, SLEW
+from alloc.onboard.columns import NEVER, RUN, UNIT
 
 H, PLAN = 0.01, 0.1
 BY_REPORT = "front", "delivered", "delivered always"
@@ -19,19 +19,19 @@ class Train:
         self.units = UNIT.rows(n, delivered=PLAN, load=1e5, turning=0.05, drive_limit=2e3)
         self.units.increment = 0.002 * np.arange(n) ** 2
         self.run = RUN.rows(1, plan=PLAN, needed=PLAN, driver_command=0.8, **run)[0]
-        self.said = np.zeros((1000, n), UNIT.recorded).view(np.recarray)
-        self.heard, self.tick, self.late = np.zeros((1000, n), int), tick, late
+        self.reports = np.zeros((1000, n), UNIT.recorded).view(np.recarray)
+        self.report_tick, self.tick, self.late = np.zeros((1000, n), int), tick, late
 
     def go(self, name, **reports):
         """Whether the rule is asked in this instant, in which the units report this."""
         for key, value in reports.items():
             self.units[key] = value
         k, self.run.time = self.tick, self.tick * H
-        self.heard[k] = max(k // 10 * 10 - self.late, 0)
-        self.heard[k, self.run.leader : self.run.leader + 1] = k
-        asked = BELIEFS[name].function(k, self.units, self.said, self.heard, self.run)
+        self.report_tick[k] = max(k // 10 * 10 - self.late, 0)
+        self.report_tick[k, self.run.leader : self.run.leader + 1] = k
+        asked = BELIEFS[name].function(k, self.units, self.reports, self.report_tick, self.run)
         for key in UNIT.recorded.names:
-            self.said[key][k] = self.units[key]
+            self.reports[key][k] = self.units[key]
         self.tick += 1
         return asked
 
@@ -107,7 +107,7 @@ def test_a_limited_unit_carries_what_it_delivers_and_any_others_mark_rises(name)
     assert units[50].mark == pytest.approx([0.04, math.inf, math.inf, LEAST])
     assert [*units[50].searching, *units[100].searching] == [1, 0, 0, 1, 0, 0, 0, 1]
     assert units[100].cap[0] == pytest.approx(0.04 + 5 * RISE * PLAN * 0.1)
-    assert units[100].heard == pytest.approx(got)
+    assert units[100].reported == pytest.approx(got)
 
 
 def test_the_foremost_limited_units_mark_moves_the_others_and_fades_slowly():
@@ -132,4 +132,4 @@ def test_the_oracle_alone_is_told_the_truth_every_period():
     assert all(train.go("known", truth=[0.05, 0.06, 0.2, 0.3]) for _ in range(15))
     assert list(train.units.cap) == [0.05, 0.06, 0.2, 0.3]
     assert [one.name for one in BELIEFS.values() if one.knows] == ["known"]
-    assert len({one.told for one in BELIEFS.values()}) == len(BELIEFS)
+    assert len({one.description for one in BELIEFS.values()}) == len(BELIEFS)

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 import mpc.unit  # noqa: F401  (registers "mpc")
-from alloc.errors import InputError
-from alloc.onboard import controllers
-from alloc.onboard.controllers import CONTROLLERS, asymmetric_lag, register, torque_factor
-from alloc.onboard.searches import lag_share
-from alloc.parts import are_compiled, control
-from alloc.registry import Registry
+from alloc.onboard.controllers import controller as controllers
+from alloc.onboard.controllers.controller import (
+    CONTROLLERS,
+    asymmetric_lag,
+    register,
+    torque_factor,
+)
+from alloc.onboard.controllers.search import lag_share
+from alloc.onboard.signatures import are_compiled, control
+from alloc.schema.errors import InputError
+from alloc.schema.registry import Registry
 from tests.cases import looped
 from tests.wheel import SCALE, course, drive, plain, rows
 

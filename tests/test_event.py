@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from numba import typeof
 
-from alloc.columns import ONBOARD, RUN, SLIDE
-from alloc.errors import InputError
-from alloc.event import DriverCommand, Event
+from alloc.onboard.columns import ONBOARD, RUN, SLIDE
 from alloc.onboard.settings import Dropout, Onboard, Sensors, Telegrams
-from alloc.rail import Line, Patch, Rail, logarithmic_increments
-from alloc.sets import SETS, find_set
+from alloc.plant.rail import Line, Patch, Rail, logarithmic_increments
+from alloc.plant.trains import TRAINS, find_train
+from alloc.run.event import DriverCommand, Event
+from alloc.schema.errors import InputError
 from tests.cases import looped
 
 SENSORS = Sensors(0.01, 0.002, 0.03, 0.01, 5, dropouts=(Dropout(6, 1.0, 2.0),))
 EVENT = Event(
-    "made", find_set("commuter-8car").loaded([1e3 * c for c in range(8)]),
+    "made", find_train("commuter-8car").loaded([1e3 * c for c in range(8)]),
     Rail(0.1, scatter=0.01, conditioning=0.1, increments=tuple(logarithmic_increments(32)), patches=(Patch(0.5, 5.0, 9.0),)),
     DriverCommand((0.5, 2.0), (0.8, -0.7)), Onboard(sensors=SENSORS, telegrams=Telegrams(jitter=0.04, loss=0.2)),
     Line((0.0, 50.0), (0.0, 0.02)), failures={1: 1.5}, duration=3.0, initial_speed=5.0, initial_position=10.0,
@@ -39,7 +39,7 @@ def test_equal_events_give_equal_worlds_and_each_run_has_its_own():
 
 
 def test_worlds_of_all_trains_have_one_type_so_one_loop_serves_them():
-    others = [Event("plain", find_set(name), Rail(0.1), EVENT.command) for name in SETS]
+    others = [Event("plain", find_train(name), Rail(0.1), EVENT.command) for name in TRAINS]
     assert {typeof(one.world()) for one in others} == {typeof(EVENT.world())}
 
 
@@ -48,7 +48,7 @@ def test_another_seed_draws_what_is_drawn_and_nothing_else():
     differ = {
         name for name in one._fields if getattr(one, name).tobytes() != getattr(two, name).tobytes()
     }
-    assert differ == {"axles", "units", "brakes", "onboard", "noise", "heard", "told"}
+    assert differ == {"axles", "units", "brakes", "onboard", "noise", "report_tick", "order_tick"}
     changed = {name for name in one.axles.dtype.names if (one.axles[name] != two.axles[name]).any()}
     assert changed == {"believed_radius"}
     plain = with_sensors(speed_noise=0.0, load_error=0.0, radius_error=0.0)
@@ -76,7 +76,7 @@ def test_a_run_begins_rolling():
     assert not w.state[2 + n :].any()
     assert w.state.size == 2 + n + w.units.size + w.brakes.size + n + 4
     assert w.run.reference_speed == w.run.speed == 5.0
-    coupled = replace(EVENT, train=find_set("freight-5"), rail=Rail(0.1)).world()
+    coupled = replace(EVENT, train=find_train("freight-5"), rail=Rail(0.1)).world()
     assert coupled.state[:12].tolist() == [10.0] * 6 + [5.0] * 6
 
 
@@ -91,7 +91,7 @@ def test_the_leader_is_the_foremost_unit_that_is_known_to_work():
 def test_a_telegram_that_has_arrived_stays_and_none_comes_from_the_future():
     w = EVENT.world()
     tick = np.arange(EVENT.ticks)[:, None]
-    for found in (w.heard, w.told):
+    for found in (w.report_tick, w.order_tick):
         assert (np.diff(found, axis=0) >= 0).all()
         assert (found <= tick).all()
         assert (found[tick[:, 0], w.leader] == tick[:, 0]).all()
@@ -101,7 +101,7 @@ def test_a_telegram_that_has_arrived_stays_and_none_comes_from_the_future():
             6,
         )  # a latency of 50 ms and more
     silent = replace(EVENT, onboard=Onboard(telegrams=Telegrams(loss=1.0))).world()
-    assert not silent.heard[:, 1:].any()
+    assert not silent.report_tick[:, 1:].any()
 
 
 def test_lost_signals_and_commands_come_when_they_are_said():

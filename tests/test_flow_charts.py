@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from alloc.rules import RULES, AllocationProblem
-from alloc.simulation import simulate
-from studies.scenario import load
+from alloc.run.simulation import simulate
+from studies.files.scenario import load
 
 READINGS = {"greedy": "description", "greedy-claim": "claim"}
 GROWTH = np.array([0.0, 0.010, 0.016, 0.021, 0.024, 0.027, 0.029, 0.031])

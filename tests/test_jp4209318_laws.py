@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
-from alloc.curves import SlipRatioCurve
-from alloc.driving import NO_COMMAND, drive
-from alloc.estimation.wheel_damage import tangential_force, wheel_damage
-from alloc.event import Event
+from alloc.evaluation.wheel_damage import tangential_force, wheel_damage
 from alloc.laws import GRAVITY
-from alloc.rail import Patch, Rail
-from alloc.sets import find_set
+from alloc.plant.curves import SlipRatioCurve
+from alloc.plant.rail import Patch, Rail
+from alloc.plant.trains import find_train
+from alloc.run.driving import NO_COMMAND, drive
+from alloc.run.event import Event
 from studies.jp4209318 import train
 
 START, RADIUS, INERTIA, AXLES = 100.0 / 3.6, 0.43, 120.0, 12
@@ -55,7 +55,7 @@ def driven():
         units.applied = 1000.0 if sense.time < 3.0 else 300.0
 
     slippery = Rail(0.2, patches=(Patch(0.4, begin=2.0, until=4.0),))
-    return course(driver, find_set("commuter-8car"), slippery, 6.0, 5.0)
+    return course(driver, find_train("commuter-8car"), slippery, 6.0, 5.0)
 
 
 @pytest.fixture(scope="module", params=[braked, readhering])

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import mpc.unit  # noqa: F401  (registers "mpc")
-from alloc.curves import CURVES, PiecewiseCurve, own_curve
-from alloc.errors import InputError
+from alloc.conformance import DRY, check_controller, check_curve, check_part
 from alloc.onboard.beliefs import Belief
-from alloc.onboard.controllers import CONTROLLERS, Controller
-from alloc.parts import control, law
+from alloc.onboard.controllers.controller import CONTROLLERS, Controller
+from alloc.onboard.signatures import control, share
+from alloc.plant.curves import CURVES, PiecewiseCurve, own_curve
 from alloc.rules import Rule
-from alloc.rules.testing import BrokenLaw, check_rule
-from alloc.simulation import simulate
-from alloc.testing import DRY, check_controller, check_curve, check_part
+from alloc.rules.conformance import BrokenLaw, check_rule
+from alloc.run.simulation import simulate
+from alloc.schema.errors import InputError
 from tests.cases import looped
 
 
@@ -82,7 +82,7 @@ def test_a_faulty_curve_is_told(change, apart, law):
         check_curve(Faulty(change=change, apart=apart))
 
 
-@law
+@share
 def reads(units, run):
     units[0].wanted = units[0].capp
     return math.nan
@@ -98,7 +98,7 @@ def commands(unit, axles, memory, run):
     unit.torque_comand = unit.torque_target
 
 
-BELIEF = Belief("b", lambda tick, units, said, heard, run: units[0].searchin > 0, "")
+BELIEF = Belief("b", lambda tick, units, reports, report_tick, run: units[0].searchin > 0, "")
 
 
 @looped(("kept_by", "part", "nearest"), [

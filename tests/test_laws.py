@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from alloc import laws
 from alloc.backends import compiled, symbolic
-from alloc.curves import (
+from alloc.plant.curves import (
     CURVES,
     POLACH_DRY,
     POLACH_WET,
@@ -20,7 +20,7 @@ from alloc.curves import (
     top,
     tops,
 )
-from alloc.errors import InputError
+from alloc.schema.errors import InputError
 from tests.cases import looped
 
 OWN = inspect.getmembers(laws, lambda one: getattr(one, "__module__", "") == laws.__name__)

@@ -6,11 +6,13 @@ import math
 import numpy as np
 import pytest
 
-from alloc.columns import AXLE, BRAKE, CAR, NEVER, ONBOARD, PLANT, RUN, SLIDE, UNIT
-from alloc.onboard import beliefs, sensing, slide, speed, targets, telegrams
-from alloc.simulation import Simulation
-from alloc.tables import words
-from studies.scenario import load
+from alloc.onboard import beliefs, sensing, targets, telegrams
+from alloc.onboard import reference_speed as speed
+from alloc.onboard import slide_protection as slide
+from alloc.onboard.columns import AXLE, BRAKE, CAR, NEVER, ONBOARD, PLANT, RUN, SLIDE, UNIT
+from alloc.run.simulation import Simulation
+from alloc.schema.tables import words
+from studies.files.scenario import load
 
 H = 0.01
 COMPILED = {
@@ -59,7 +61,8 @@ def board(seed=0, **run):
         "axles": axles, "cars": CAR.rows(3), "units": units, "brakes": brakes, "u": units[1], "a": axles[3], "b": brakes[1],
         "plant": unequal(PLANT, 1, rng)[0], "onboard": unequal(ONBOARD, 1, rng, speed_quantum=1e-3)[0],
         "run": unequal(RUN, 1, rng, **now | speeds | run)[0], "slide": unequal(SLIDE, 1, rng, protection=2)[0],
-        "said": said, "orders": said, "told": sent, "heard": sent, "y": np.array(y), "noise": 0.01 * rng.standard_normal(6),
+        "reports": said, "orders": said, "order_tick": sent, "report_tick": sent, "y": np.array(y),
+        "noise": 0.01 * rng.standard_normal(6),
         "effort": table, "retard": 0.9 * table, "omega": 2, "torque": 8, "k": 40, "tick": 40, "j": 1, "always": True,
         "asked": False, "instant": 0.3, "span": 0.2, "time": 9.5, "force": 1e4, "lead": -0.02, "speed": 20.0, "turning": 0.1,
         "bound": 900.0, "full": 1500.0, "rolling": 0.01, "sure": True,

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alloc import event, plant
-from alloc.columns import AXLE, BRAKE, CAR, LINE, PATCH, PLANT, RUN, UNIT
-from alloc.curves import CURVES
+from alloc.onboard.columns import AXLE, BRAKE, CAR, LINE, PATCH, PLANT, RUN, UNIT
+from alloc.plant import dynamics as plant
+from alloc.plant.curves import CURVES
+from alloc.run import event
 from tests.cases import looped
 
 ROWS = ["y", "stages", "axles", "cars", "units", "brakes", "patches", "line", "effort", "retard", "curve", "scatter",

@@ -11,9 +11,9 @@ import pytest
 import xarray as xr
 
 import readhesion as r
-from alloc.metrics import METRICS
-from alloc.rail import Rail
-from alloc.simulation import simulate as simulate_event
+from alloc.evaluation.metrics import METRICS
+from alloc.plant.rail import Rail
+from alloc.run.simulation import simulate as simulate_event
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_a_comparison_goes_on_where_it_stopped(short, tmp_path, monkeypatch):
     table = r.compare(short, **asked)
     assert table["rule"].value_counts().to_dict() == {"alone": 2, "exact": 2}
     assert set(METRICS) <= set(table.columns)
-    monkeypatch.setattr("studies.runs.simulate", None)
+    monkeypatch.setattr("studies.run_cell.simulate", None)
     pd.testing.assert_frame_equal(r.compare(short, **asked), table)
 
 

@@ -7,19 +7,19 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from alloc.columns import RUN, UNIT
-from alloc.errors import AllocationError, SimulationError
 from alloc.onboard.beliefs import BELIEFS
+from alloc.onboard.columns import RUN, UNIT
 from alloc.onboard.settings import Onboard
-from alloc.parts import law
+from alloc.onboard.signatures import share
 from alloc.rules import RULES, AllocationProblem, Rule, convex_rule, optimality, robust_rule
+from alloc.rules.conformance import BrokenLaw, check_rule
 from alloc.rules.convex import Formulation
 from alloc.rules.exact import exact_limits
 from alloc.rules.problem import Allocation, allocated
 from alloc.rules.qp import Workspace
-from alloc.rules.testing import BrokenLaw, check_rule
-from alloc.simulation import simulate
-from studies.scenario import load
+from alloc.run.simulation import simulate
+from alloc.schema.errors import AllocationError, SimulationError
+from studies.files.scenario import load
 from tests.cases import looped
 
 PLAN = 0.170
@@ -56,10 +56,10 @@ def test_compiled_and_plain_laws_agree_to_the_last_bit(name):
     rule = RULES[name]
     for k, problem in enumerate(drawn(3 if rule.answer else 30)):
         rows = []
-        for function in (rule.law, getattr(rule.law, "py_func", rule.law)):
+        for function in (rule.share, getattr(rule.share, "py_func", rule.share)):
             units = UNIT.rows(
-                problem.n, cap=problem.cap, mass=problem.mass, most=problem.limit_max, mark=problem.mark,
-                heard=problem.delivered, searching=problem.searching, truth=problem.cap[::-1],
+                problem.n, cap=problem.cap, mass_share=problem.mass, most=problem.limit_max, mark=problem.mark,
+                reported=problem.delivered, searching=problem.searching, truth=problem.cap[::-1],
                 wanted=problem.previous if k % 2 else math.inf,
             )  # fmt: skip
             run = RUN.rows(1, plan=0.9 * PLAN, needed=PLAN, limit_rate=0.03 if k % 3 else math.inf)[0]  # fmt: skip
@@ -213,7 +213,7 @@ def test_a_spoiled_answer_is_a_failure_and_the_exact_one_is_used(name, factor, m
     assert right.gap < 1e-7 < 1e-6 < found.gap
     assert found.limit == pytest.approx(right.limit, abs=1e-7)
     units, run = UNIT.rows(8, cap=CAPS, mark=CAPS), RUN.rows(1, plan=PLAN, needed=PLAN)
-    RULES[name].law(units, run[0])
+    RULES[name].share(units, run[0])
     assert (run.rule_faults == 1) & (run.rule_gap > 1e-6)
     assert units.wanted == pytest.approx(right.limit, abs=1e-7)
 
@@ -302,7 +302,7 @@ def test_what_is_not_convex_is_refused():
 
 
 def test_own_law_compiled_in_ten_lines():
-    @law
+    @share
     def half_way(units, run):
         for u in units:
             u.wanted = min(0.5 * (u.cap + run.needed), u.most)
@@ -369,14 +369,14 @@ def test_what_rounding_leaves_below_zero_is_zero_and_infinite_is_no_limit():
     check_rule(Rule("none", "", answer=lambda problem: np.full(problem.n, math.inf)), examples=20)
 
 
-@law
+@share
 def the_plan(units, run):
     for u in units:
         u.wanted = min(run.plan, u.most)
     return math.nan
 
 
-@law
+@share
 def late(units, run):
     units[0].wanted = math.nan if run.time > 1.0 else run.plan
     return math.nan

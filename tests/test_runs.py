@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from alloc.errors import InputError
-from alloc.event import DriverCommand, Event
-from alloc.metrics import evaluate
-from alloc.onboard.controllers import CONTROLLERS
+from alloc.evaluation.metrics import evaluate
+from alloc.onboard.controllers.controller import CONTROLLERS
 from alloc.onboard.settings import Onboard, Sensors
-from alloc.rail import Line, Patch, Rail, logarithmic_increments
-from alloc.record import load, save
+from alloc.plant.rail import Line, Patch, Rail, logarithmic_increments
+from alloc.plant.trains import find_train
 from alloc.rules import RULES
-from alloc.sets import find_set
-from alloc.simulation import Simulation, simulate
+from alloc.run.event import DriverCommand, Event
+from alloc.run.recording import load, save
+from alloc.run.simulation import Simulation, simulate
+from alloc.schema.errors import InputError
 
 PULL, STOP = DriverCommand((0.0,), (0.8,)), DriverCommand((0.0,), (-1.0,))
 
 
 def event(set_="commuter-8car", command=PULL, level=0.13, duration=4.0, **given):
-    train = find_set(set_)
+    train = find_train(set_)
     rail = Rail(
         level,
         increments=tuple(logarithmic_increments(train.axle_count)),
@@ -37,7 +37,7 @@ def served(rule, controller):
     """The same parts as plain Python."""
     plain = replace(
         rule,
-        law=getattr(rule.law, "py_func", rule.law),
+        share=getattr(rule.share, "py_func", rule.share),
         belief=rule.belief._replace(function=rule.belief.function.py_func),
     )
     control = getattr(controller.control, "py_func", controller.control)
@@ -146,7 +146,7 @@ def test_a_part_that_fails_is_named():
     def wrong(units, run):
         raise KeyError("limit")
 
-    rule = replace(RULES["alone"], name="mine", law=wrong, belief=RULES["wear"].belief)
+    rule = replace(RULES["alone"], name="mine", share=wrong, belief=RULES["wear"].belief)
     with pytest.raises(InputError, match=r"'mine'.*KeyError"):
         simulate(event(), rule)
     with pytest.raises(InputError, match="unknown rule 'gredy'; did you mean 'greedy'"):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import readhesion
-from alloc.columns import TABLES, UNIT
 from alloc.compilation import is_private
-from alloc.tables import Column, Table, words
+from alloc.onboard.columns import TABLES, UNIT
+from alloc.schema.tables import Column, Table, words
 
 FACTOR = r"(N|Pa|J|W|kg|km|m|s|h|rad)(-?[1-9])?"
 UNITS = re.compile(rf"1|{FACTOR}( {FACTOR})*")

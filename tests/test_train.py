@@ -6,16 +6,16 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 
-from alloc.curves import CURVES, own_curve
-from alloc.errors import InputError
-from alloc.event import DriverCommand, Event
 from alloc.laws import GRAVITY
 from alloc.onboard.settings import Dropout, Onboard, Sensors
-from alloc.rail import Line, Patch, Rail
-from alloc.records import Record, meanings
-from alloc.sets import SETS, find_set
-from alloc.train import AirBrake, Car, Coupler, Motors, Train
-from alloc.train_rows import level_for, offered_by, rows_of, train_rows
+from alloc.plant.curves import CURVES, own_curve
+from alloc.plant.rail import Line, Patch, Rail
+from alloc.plant.rows import level_for, offered_by, rows_of, train_rows
+from alloc.plant.train import AirBrake, Car, Coupler, Motors, Train
+from alloc.plant.trains import TRAINS, find_train
+from alloc.run.event import DriverCommand, Event
+from alloc.schema.errors import InputError
+from alloc.schema.parameters import Parameters, meanings
 from tests.cases import looped
 
 MOTORS = Motors(6.0, "1C2M", 1000.0, 200e3, brake_torque=800.0, fade_speed=3.0, kind="induction")
@@ -31,8 +31,8 @@ CAR_B = replace(
 )  # fmt: skip
 COUPLERS = (Coupler(1e7, 2.0, 3.0, 0.01), Coupler(2e7, 4.0, 5.0, 0.02))
 UNEQUAL = Train("unequal", (CAR_A, CAR_B, CAR_A), (900.0, 80.0, 7.0), COUPLERS, load_transfer=True)
-TRAINS = [*(find_set(name) for name in SETS), UNEQUAL, replace(UNEQUAL, couplers=None)]
-every_train = looped("train", TRAINS)
+EVERY_TRAIN = [*(find_train(name) for name in TRAINS), UNEQUAL, replace(UNEQUAL, couplers=None)]
+every_train = looped("train", EVERY_TRAIN)
 
 
 @every_train
@@ -148,7 +148,7 @@ def test_torque_limits_follow_torque_power_pull_out_and_fading():
     ] == pytest.approx(most)
 
 
-@looped("train", [find_set("freight-17"), find_set("freight-17").reversed()])
+@looped("train", [find_train("freight-17"), find_train("freight-17").reversed()])
 def test_a_command_runs_along_the_brake_pipe_from_the_head_of_the_train(train):
     rows, front = rows_of(train), np.cumsum([0.0, *(car.length for car in train.cars)])
     for g, group in enumerate(rows.brakes):
@@ -176,7 +176,7 @@ def test_what_the_computers_cannot_know_is_in_other_columns():
 @looped("name", CURVES.shipped())
 def test_a_level_offers_what_it_was_sought_for(name):
     curve = CURVES[name]()
-    for train in (find_set("commuter-8car"), UNEQUAL):
+    for train in (find_train("commuter-8car"), UNEQUAL):
         level = level_for(curve, 0.08, 8.0, train)
         assert offered_by(curve, level, 8.0, train) == pytest.approx(0.08, rel=1e-6)
 
@@ -199,10 +199,10 @@ def records_in(value):
 
 
 MADE = (EVENT, LOST, Line(), CURVES_MADE, own_curve("hump", lambda slip: slip * np.exp(-slip)))
-RECORDS = {type(one): one for one in records_in(MADE) if isinstance(one, Record)}
+RECORDS = {type(one): one for one in records_in(MADE) if isinstance(one, Parameters)}
 
 
-def kinds_of(kind=Record):
+def kinds_of(kind=Parameters):
     return {kind}.union(*map(kinds_of, kind.__subclasses__()))
 
 

@@ -5,7 +5,7 @@ from types import FunctionType
 
 import numpy as np
 
-from alloc.columns import AXLE, RUN, UNIT
+from alloc.onboard.columns import AXLE, RUN, UNIT
 
 LOAD, RADIUS, GEAR, INERTIA = 9e4, 0.41, 6.5, 130.0
 SCALE = LOAD * RADIUS / GEAR

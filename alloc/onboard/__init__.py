@@ -7,6 +7,6 @@
     targets       limits become torques; blended brakes
     slide         slide protection of the air brakes
 
-All work on rows of `alloc.columns`. Torques, limits and slips count in the direction of the demand, `run.sign` says which
-way that is. What a unit does with its target is its controller's, what the train does with its caps the rule's.
+All work on rows of `alloc.onboard.columns`. Torques, limits and slips count in the direction of the demand, `run.sign` says
+which way that is. What a unit does with its target is its controller's, what the train does with its caps the rule's.
 """

@@ -1,7 +1,8 @@
 """What the leader believes that each unit can carry, and when it asks its rule.
 
-In: what the units have reported, `said` and `heard` as of `alloc.parts.belief`. Out: `unit.cap` and `unit.most`, between
-which a rule shares. While nothing limits the train no rule is asked and limits are lifted: every unit keeps the plan.
+In: what the units have reported, `reports` and `report_tick` as of `alloc.onboard.signatures.belief`. Out: `unit.cap` and
+`unit.most`, between which a rule shares. While nothing limits the train no rule is asked and limits are lifted: every unit
+keeps the plan.
 
 The patent waits for slip (`front_detected`, `any_detected`). The others go by reports: good controllers cut torque without
 slip. A limited unit carries what it delivers, any other its `mark`, what it has shown, which rises with time.
@@ -11,18 +12,19 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from alloc.columns import NEVER
 from alloc.compilation import jit
+from alloc.onboard.columns import NEVER
 from alloc.onboard.sensing import ROUNDING, sight
-from alloc.parts import belief
+from alloc.onboard.signatures import belief
 
 
 class Belief(NamedTuple):
-    """A belief of the leader, a part of a rule; `told`: what the rule is told, and when, in a few words."""
+    """A belief of the leader, a part of a rule."""
 
     name: str
     function: Callable[..., Any]
-    told: str
+    description: str
+    """What the rule is told, and when, in a few words."""
     knows: bool = False
     """Whether that is the truth, which no computer on board can know; speed and orders are true then too."""
 
@@ -44,7 +46,7 @@ LEAST = 0.01
 
 
 @belief
-def front_detected(tick, units, said, heard, run):
+def front_detected(tick, units, reports, report_tick, run):
     """JP5484215 (5), S203 to S216: what the leader held at its detection, for `run.hold`, and increments along the train."""
     if units.size == 0:
         return False
@@ -59,7 +61,7 @@ def front_detected(tick, units, said, heard, run):
 
 
 @belief
-def any_detected(tick, units, said, heard, run):
+def any_detected(tick, units, reports, report_tick, run):
     """JP5484215 (5) from the foremost unit whose slip counts; any other that slipped has what it found itself (par. 0063).
 
     The cap of units ahead of all that slipped is the plan.
@@ -68,8 +70,8 @@ def any_detected(tick, units, said, heard, run):
     front, changed = -1, False
     for j in range(units.size):
         u = units[j]
-        sent, detected = heard[tick, j], news(j, tick, units, said, heard)[2]
-        held = u.held if sent == tick else said[sent, j].held
+        sent, detected = report_tick[tick, j], news(j, tick, units, reports, report_tick)[2]
+        held = u.held if sent == tick else reports[sent, j].held
         if not within(detected, run.hold, run):
             detected = NEVER
         changed = changed or detected != u.counted
@@ -84,76 +86,77 @@ def any_detected(tick, units, said, heard, run):
 
 
 @belief
-def front(tick, units, said, heard, run):
+def front(tick, units, reports, report_tick, run):
     """JP5484215 (5) from what the foremost limited unit that works has shown; a limited unit's mark fades within `FORGET`.
 
     No cap is below what a unit shows without slip: else each dip of the foremost would keep the whole train below the plan.
     Where motors or failures alone limit the train the caps are what the others must carry.
     """
     run.needed = run.plan
-    if not hear(tick, units, said, heard, run, False):
+    if not hear(tick, units, reports, report_tick, run, False):
         return False
     first, lacking, able_mass = -1, 0.0, 0.0
     for u in units:
-        lacking += u.mass * max(run.plan - u.most, 0.0)
-        able_mass += u.mass if u.most > run.plan else 0.0
+        lacking += u.mass_share * max(run.plan - u.most, 0.0)
+        able_mass += u.mass_share if u.most > run.plan else 0.0
     made_up = run.plan + (lacking / able_mass if able_mass > 0.0 else 0.0)
     for j in range(units.size):
         u = units[j]
-        limited, _, _, works = news(j, tick, units, said, heard)
+        limited, _, _, works = news(j, tick, units, reports, report_tick)
         if u.searching:
-            before = u.heard if u.mark == math.inf else u.mark
-            u.mark = max(u.heard, before + (u.heard - before) * run.telegram / FORGET)
+            before = u.reported if u.mark == math.inf else u.mark
+            u.mark = max(u.reported, before + (u.reported - before) * run.telegram / FORGET)
         else:
             u.mark = risen(u, run)
         if first < 0 and works and recent(limited, run) and u.mark < math.inf:
             first = j
     for j in range(units.size):
         u = units[j]
-        limited, slipped, _, works = news(j, tick, units, said, heard)
+        limited, slipped, _, works = news(j, tick, units, reports, report_tick)
         u.cap = made_up
         if first >= 0:
             u.cap = max(units[first].mark + u.increment - units[first].increment, 0.0)
         if recent(limited, run) and u.mark < math.inf:
             # without slip there is room: trying costs nothing
-            u.cap = u.mark if within(slipped, run.hold, run) else max(u.mark, ROOM * u.heard)
-        elif heard[tick, j] * run.period - slipped >= run.telegram - ROUNDING:
-            u.cap = max(u.cap, min(u.mark, max(run.plan, u.heard)))
+            u.cap = u.mark if within(slipped, run.hold, run) else max(u.mark, ROOM * u.reported)
+        elif report_tick[tick, j] * run.period - slipped >= run.telegram - ROUNDING:
+            u.cap = max(u.cap, min(u.mark, max(run.plan, u.reported)))
         if not works:
             u.cap = min(u.cap, u.most)
     return True
 
 
 @belief
-def delivered(tick, units, said, heard, run):
+def delivered(tick, units, reports, report_tick, run):
     """Marks of all units, while one is limited, and always in blended braking: trailers' brakes may lack their part."""
-    return mark(tick, units, said, heard, run, run.braking == 1)
+    return mark(tick, units, reports, report_tick, run, run.braking == 1)
 
 
 @belief
-def delivered_always(tick, units, said, heard, run):
+def delivered_always(tick, units, reports, report_tick, run):
     """Marks of all units, with every telegram."""
-    return mark(tick, units, said, heard, run, True)
+    return mark(tick, units, reports, report_tick, run, True)
 
 
 @jit
-def mark(tick, units, said, heard, run, always):
+def mark(tick, units, reports, report_tick, run, always):
     """A limited unit's cap and mark are what it delivers; any other's mark rises, and is its cap."""
-    if not hear(tick, units, said, heard, run, always):
+    if not hear(tick, units, reports, report_tick, run, always):
         return False
     for u in units:
-        u.mark = u.cap = max(u.heard, LEAST) if u.searching else risen(u, run)
+        u.mark = u.cap = max(u.reported, LEAST) if u.searching else risen(u, run)
     return True
 
 
 @jit
-def hear(tick, units, said, heard, run, always):
-    """Read the newest reports: `heard`, `searching`, `most` of each unit; whether the rule is asked, with a telegram."""
+def hear(tick, units, reports, report_tick, run, always):
+    """Read the newest reports: `report_tick`, `searching`, `most` of each unit; whether the rule is asked, with a
+    telegram."""
     active = always
     for j in range(units.size):
-        u, sent = units[j], heard[tick, j]
-        limited = news(j, tick, units, said, heard)[0]
-        u.heard = max(u.delivered if sent == tick else said[sent, j].delivered, 0.0)
+        u, sent = units[j], report_tick[tick, j]
+        limited = news(j, tick, units, reports, report_tick)[0]
+        u.reported = max(u.delivered if sent == tick else reports[sent, j].delivered, 0.0)
         u.searching = 1 if limited > (sent - 0.5) * run.period else 0
         before = run.plan if u.wanted == math.inf else max(u.wanted, run.plan)
         u.most = min(able(u, run), before + SLEW * run.plan * run.telegram / run.rise)
@@ -166,11 +169,11 @@ def hear(tick, units, said, heard, run, always):
 @jit
 def risen(u, run):
     """A unit's mark [1] a telegram on, no less than it delivers; that of a unit never limited is infinite."""
-    return max(u.mark + RISE * run.plan * run.telegram, u.heard)
+    return max(u.mark + RISE * run.plan * run.telegram, u.reported)
 
 
 @belief
-def known(tick, units, said, heard, run):
+def known(tick, units, reports, report_tick, run):
     """The true coefficients, every period: what no computer on board can know."""
     for u in units:
         u.most, u.cap = able(u, run), u.truth
@@ -221,13 +224,13 @@ def lift(units, run):
 
 
 @jit
-def news(j, tick, units, said, heard):
+def news(j, tick, units, reports, report_tick):
     """Unit `j` by its newest report: last instants at which it was limited, slipped, detected slip; whether it works."""
-    sent = heard[tick, j]
+    sent = report_tick[tick, j]
     if sent == tick:
         u = units[j]
         return u.limited, u.slipped, u.detected, u.works
-    report = said[sent, j]
+    report = reports[sent, j]
     return report.limited, report.slipped, report.detected, report.works
 
 

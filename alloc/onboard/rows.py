@@ -6,12 +6,12 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.columns import INF, ONBOARD, RUN, SLIDE
-from alloc.errors import OnboardError
+from alloc.onboard.columns import INF, ONBOARD, RUN, SLIDE
 from alloc.onboard.settings import Onboard, SlideLaw
-from alloc.tables import Rows, put
-from alloc.train import Train
-from alloc.train_rows import TrainRows, train_rows
+from alloc.plant.rows import TrainRows, train_rows
+from alloc.plant.train import Train
+from alloc.schema.errors import OnboardError
+from alloc.schema.tables import Rows, put
 
 COMPARED = 1e-4
 """Relative deviation of radii that were compared: 3 s at 10 m/s and with 10 mm/s of noise in a reading leave as much."""

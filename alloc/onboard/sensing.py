@@ -11,8 +11,8 @@ import math
 
 from alloc.backends import compiled as law
 from alloc.compilation import jit
-from alloc.onboard.speed import SHORTEST, estimate_speed
-from alloc.plant import look_up, places
+from alloc.onboard.reference_speed import SHORTEST, estimate_speed
+from alloc.plant.dynamics import look_up, places
 
 KNOWN = 0.1
 """Time after which the train knows that a unit has failed [s]."""

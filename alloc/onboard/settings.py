@@ -9,9 +9,9 @@ from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal
 
-from alloc.curves import PiecewiseCurve
-from alloc.errors import OnboardError
-from alloc.records import NOT_IN_FILES, Bounds, Record, quantity
+from alloc.plant.curves import PiecewiseCurve
+from alloc.schema.errors import OnboardError
+from alloc.schema.parameters import NOT_IN_FILES, Bounds, Parameters, quantity
 
 SENSITIVITIES: dict[str, float] = {"low": 0.905, "medium": 1.0, "high": 2.92}
 """Detection sensitivities of JP4209318, Table 4, as numbers for `Fuzzy.sensitivity`; calibrated with its sets."""
@@ -19,15 +19,15 @@ SlideLaw = Literal["none", "threshold", "fuzzy"]
 """Laws of the slide protection, in the order of their numbers in `SLIDE.protection`."""
 
 
-class OnboardRecord(Record):
+class OnboardParameters(Parameters):
     """A record of the computers on board."""
 
     error = OnboardError
 
 
 @dataclass(frozen=True)
-class ReferenceSpeed(OnboardRecord):
-    """Reference speed of the train, `alloc.onboard.speed`.
+class ReferenceSpeed(OnboardParameters):
+    """Reference speed of the train, `alloc.onboard.reference_speed`.
 
     Source: this project.
     """
@@ -40,7 +40,7 @@ class ReferenceSpeed(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class Detector(OnboardRecord):
+class Detector(OnboardParameters):
     """Slip detector with hysteresis: mean computed axle acceleration of the unit, in the direction of the demand.
 
     Source: JP5484215, Fig. 5; the values are assumed.
@@ -64,7 +64,7 @@ class Detector(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class Observer(OnboardRecord):
+class Observer(OnboardParameters):
     """Minimal-order disturbance observer.
 
     Source: JP5484215 (3); the value is assumed.
@@ -75,7 +75,7 @@ class Observer(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class Telegrams(OnboardRecord):
+class Telegrams(OnboardParameters):
     """Periodic telegrams of the train monitor system.
 
     Source: JP5484215 has telegrams, without numbers; the values are assumed.
@@ -94,7 +94,7 @@ class Telegrams(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class Dropout(OnboardRecord):
+class Dropout(OnboardParameters):
     """Loss of the speed signal of an axle for a time; the computers notice it.
 
     Source: this project.
@@ -113,7 +113,7 @@ class Dropout(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class Sensors(OnboardRecord):
+class Sensors(OnboardParameters):
     """Axle speed sensors and load signals; `seed` draws their errors.
 
     Source: assumed; without a key the sensors are perfect.
@@ -139,7 +139,7 @@ class Sensors(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class Threshold(OnboardRecord):
+class Threshold(OnboardParameters):
     """Plain switching points of the slip ratio.
 
     Source: assumed.
@@ -156,7 +156,7 @@ class Threshold(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class Fuzzy(OnboardRecord):
+class Fuzzy(OnboardParameters):
     """Fuzzy inference on slip and slip rate; the rules are those of `alloc.laws.fuzzy_valve`.
 
     JP4209318 discloses neither rules nor sets. These are one of several sets of numbers with which `studies.jp4209318`
@@ -183,7 +183,7 @@ class Fuzzy(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class SlideProtection(OnboardRecord):
+class SlideProtection(OnboardParameters):
     """Wheel slide protection of a train's air brakes, a pair of valves per bogie; slip is measured from the reference speed.
 
     An axle that stands while its train runs is released.
@@ -204,7 +204,7 @@ class SlideProtection(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class Braking(OnboardRecord):
+class Braking(OnboardParameters):
     """Brakes of the train. A train without air brakes is never blended; one without motors brakes with air alone."""
 
     blended: bool = True
@@ -230,11 +230,13 @@ class Braking(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class Belief(OnboardRecord):
+class Assumed(OnboardParameters):
     """What the train assumes to be true.
 
     Source: this project; a train believes the truth where nothing is said.
     """
+
+    hashed_as = "Belief"  # in hashes of events, which stay
 
     increments: tuple[float, ...] | None = quantity(None, "1", least=-math.inf)
     """Growth of the coefficient per axle from the front; None: all zero. Source: JP5484215 (15), Shinkansen."""
@@ -253,7 +255,7 @@ class Belief(OnboardRecord):
 
 
 @dataclass(frozen=True)
-class Onboard(OnboardRecord):
+class Onboard(OnboardParameters):
     """Computers of a train, their signals and its brakes.
 
     Source: this project.
@@ -267,7 +269,7 @@ class Onboard(OnboardRecord):
     """Telegrams between the units."""
     sensors: Sensors = field(default_factory=Sensors)
     """Sensors of axle speeds and loads."""
-    belief: Belief = field(default_factory=Belief, metadata=NOT_IN_FILES)
+    belief: Assumed = field(default_factory=Assumed, metadata=NOT_IN_FILES)
     """What the train assumes to be true."""
     braking: Braking = field(default_factory=Braking)
     """Brakes."""
@@ -289,7 +291,7 @@ class Onboard(OnboardRecord):
 
     @property
     def owner(self) -> str:
-        """As in `Record`."""
+        """As in `Parameters`."""
         return "on board"
 
     def _faults(self) -> Iterator[str]:

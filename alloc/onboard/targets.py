@@ -13,7 +13,7 @@ import math
 
 from alloc.compilation import jit
 from alloc.onboard.sensing import shoe_friction, sight
-from alloc.onboard.slide import LEAST_SPEED, SUPPLY
+from alloc.onboard.slide_protection import LEAST_SPEED, SUPPLY
 
 MIDDLE = 0.5
 """Share of their torque that readhesion control leaves the motors, below which the air brake gives way [1]: mid-ranging

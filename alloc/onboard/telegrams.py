@@ -1,8 +1,8 @@
 """Telegrams between the units and the leader, the foremost unit that works: reports to it, orders from it.
 
 What happens to a telegram is drawn before the run. What a unit said at an instant is its row in the record, so a telegram
-that is late or lost is a look-up: `heard[k, j]` is the instant of the newest report of unit j that the leader has at instant
-k, `told[k, j]` that of the newest order that unit j has.
+that is late or lost is a look-up: `report_tick[k, j]` is the instant of the newest report of unit j that the leader has at
+instant k, `order_tick[k, j]` that of the newest order that unit j has.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ def telegrams(
     loss: float,
     seed: int,
 ) -> tuple[Ticks, Ticks]:
-    """`heard` and `told`, (ticks, units) each, of telegrams sent `every` so many control periods [s].
+    """`report_tick` and `order_tick`, (ticks, units) each, of telegrams sent `every` so many control periods [s].
 
     A telegram arrives after `latency` and a part of `jitter` [s] that is equally likely everywhere in it, or, with
     probability `loss`, never. The leader itself needs none; at the first instant all know all. Draws do not depend on the
@@ -63,14 +63,14 @@ def newest(ticks: int, sent: Ticks, arrival: Floats) -> Ticks:
 
 
 @jit
-def set_limits(k, units, told, orders, onboard, run):
+def set_limits(k, units, order_tick, orders, onboard, run):
     """Orders that have arrived by instant `k` become limits; who is told nothing follows the plan.
 
     `orders` (ticks, units): recorded rows. A unit that has heard nothing for `onboard.silence` falls back to the plan: its
     order is too old to count, and so is a limit below the plan.
     """
     for j in range(units.size):
-        u, sent = units[j], told[k, j]
+        u, sent = units[j], order_tick[k, j]
         order = u.wanted if sent == k else orders[sent, j].wanted
         silent = (k - sent) * run.period > onboard.silence + run.telegram + ROUNDING
         u.fallen_back = 1 if silent else 0

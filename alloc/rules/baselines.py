@@ -6,7 +6,7 @@ The question to every other rule: does its gain come from knowing where the adhe
 import numpy as np
 
 from alloc.compilation import jit
-from alloc.parts import law
+from alloc.onboard.signatures import share
 from alloc.rules.rule import Rule
 
 
@@ -21,12 +21,12 @@ def case_of(units, run):
     """Case 2 (B) where caps and torque limits allow more than the plan, weighted with mass, else 1 (A)."""
     balance = 0.0
     for u in units:
-        balance += u.mass * (min(u.cap, u.most) - run.needed)
+        balance += u.mass_share * (min(u.cap, u.most) - run.needed)
     return 2 if balance > 0.0 else 1
 
 
-@law
-def alone_law(units, run):
+@share
+def share_alone(units, run):
     """Every unit keeps the plan, within its torque limit; only its own readhesion control acts."""
     run.case = case_of(units, run)
     for u in units:
@@ -35,7 +35,7 @@ def alone_law(units, run):
 
 
 ALONE = Rule(
-    "alone", "every unit keeps the plan and looks after its own slip", alone_law, "front",
+    "alone", "every unit keeps the plan and looks after its own slip", share_alone, "front",
     colour="#7f7f7f", marker="o",
 )  # fmt: skip
 
@@ -46,14 +46,14 @@ GAIN = 0.1
 0.1 and 0.3 use 95.3, 95.6 and 95.5 % of the bound under cut-and-ramp, 98.6, 99.2 and 99.3 % under perturb-observe."""
 
 
-@law
-def uniform_law(units, run):
+@share
+def share_uniform(units, run):
     """One step: for all the largest limit in force and `GAIN` times what the train lacks, within plan and `MOST` of it."""
     run.case = case_of(units, run)
     lacking, total, before = 0.0, 0.0, 0.0
     for u in units:
-        lacking += u.mass * (run.needed - u.heard)
-        total += u.mass
+        lacking += u.mass_share * (run.needed - u.reported)
+        total += u.mass_share
         before = max(before, in_force(u, run))
     level = min(max(before + GAIN * lacking / total, run.needed), MOST * run.plan)
     for u in units:
@@ -62,7 +62,7 @@ def uniform_law(units, run):
 
 
 UNIFORM = Rule(
-    "uniform", "all asked for the same, more while the train lacks effort: sharing without knowing who can", uniform_law,
+    "uniform", "all asked for the same, more while the train lacks effort: sharing without knowing who can", share_uniform,
     "delivered", colour="#9bacd0", marker="+",
 )  # fmt: skip
 
@@ -71,8 +71,8 @@ MOVED = 0.1
 mean of 80 events (seeds 1000 and 1001); a tenth is also what the increments (15) add along 8 motor cars."""
 
 
-@law
-def preset_law(units, run):
+@share
+def share_preset(units, run):
     """A fixed part of the front's effort moved to the rear, JP H05-276606 as JP5484215 par. 0007 describes it.
 
     Limits are linear along the train, with the plan as their mean weighted with mass: of n equal units the foremost has
@@ -81,8 +81,8 @@ def preset_law(units, run):
     run.case = case_of(units, run)
     total, moment, spacing = 0.0, 0.0, 2.0 / max(units.size - 1, 1)
     for j in range(units.size):
-        total += units[j].mass
-        moment += units[j].mass * spacing * j
+        total += units[j].mass_share
+        moment += units[j].mass_share * spacing * j
     for j in range(units.size):
         shift = MOVED * (spacing * j - moment / total)
         units[j].wanted = min(run.plan * (1.0 + shift), units[j].most)
@@ -90,7 +90,7 @@ def preset_law(units, run):
 
 
 PRESET = Rule(
-    "preset", "a fixed part of the front's effort moved to the rear (JP H05-276606)", preset_law, "delivered always",
+    "preset", "a fixed part of the front's effort moved to the rear (JP H05-276606)", share_preset, "delivered always",
     colour="#553900", marker="v",
 )  # fmt: skip
 
@@ -101,8 +101,8 @@ OVERLOOKED = 0.04
 """Shortfall, as a share of the plan, that counts as none."""
 
 
-@law
-def sharing_law(units, run):
+@share
+def share_sharing(units, run):
     """One step of dynamic sharing, JP 4225233 as JP5484215 par. 0007 and 0009 describe it.
 
     A unit is short if it delivers less than its limit by more than `OVERLOOKED` of the plan. The train's shortfall is
@@ -112,20 +112,20 @@ def sharing_law(units, run):
     run.case = case_of(units, run)
     lacking, able = 0.0, 0.0
     for u in units:
-        got = max(u.heard, 0.0)
-        lacking += u.mass * (run.needed - got)
-        able += u.mass if in_force(u, run) - got <= OVERLOOKED * run.needed else 0.0
+        got = max(u.reported, 0.0)
+        lacking += u.mass_share * (run.needed - got)
+        able += u.mass_share if in_force(u, run) - got <= OVERLOOKED * run.needed else 0.0
     handed = HANDED * lacking / able if able > 0.0 else 0.0
     for u in units:
         before = in_force(u, run)
-        over = max(before - max(u.heard, 0.0), 0.0)
+        over = max(before - max(u.reported, 0.0), 0.0)
         limit = before - HANDED * over + (handed if over <= OVERLOOKED * run.needed else 0.0)
         u.wanted = min(max(limit, 0.0), u.most)
     return np.nan
 
 
 SHARING = Rule(
-    "sharing", "each unit's shortfall handed to the others step by step (JP 4225233)", sharing_law, "front",
+    "sharing", "each unit's shortfall handed to the others step by step (JP 4225233)", share_sharing, "front",
     colour="#e69f00", marker="^",
 )  # fmt: skip
 
@@ -133,8 +133,8 @@ MOST_CAP = 1e3
 """Cap over the plan beyond which `erp` takes units for alike, so that a cap may be infinite."""
 
 
-@law
-def erp_law(units, run):
+@share
+def share_erp(units, run):
     """The redistributed pseudo-inverse of control allocation, as Johansen and Fossen survey it: minimise sum m (x / cap)^2.
 
     Without bounds x = s cap^2 with one scale s. Units beyond their bound are frozen there and the others solved for
@@ -146,10 +146,10 @@ def erp_law(units, run):
         wanted, free = 0.0, 0.0
         for u in units:
             cap, upper = min(u.cap, MOST_CAP * needed), min(u.cap, u.most)
-            share = cap * (cap / needed)
-            frozen = scale * share >= upper
-            wanted += u.mass * (needed - upper if frozen else needed)
-            free += 0.0 if frozen else u.mass * share
+            weight = cap * (cap / needed)
+            frozen = scale * weight >= upper
+            wanted += u.mass_share * (needed - upper if frozen else needed)
+            free += 0.0 if frozen else u.mass_share * weight
         if free <= 0.0 or wanted <= scale * free:
             break
         scale = wanted / free
@@ -160,6 +160,6 @@ def erp_law(units, run):
 
 
 ERP = Rule(
-    "erp", "redistributed pseudo-inverse of control allocation: least used shares of the caps, the textbook's way", erp_law,
-    promise="effort", colour="#95583f", marker="1",
+    "erp", "redistributed pseudo-inverse of control allocation: least used shares of the caps, the textbook's way",
+    share_erp, promise="effort", colour="#95583f", marker="1",
 )  # fmt: skip

@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from alloc.errors import AllocationError
 from alloc.onboard.beliefs import ROOM
 from alloc.rules.cooperative import WEAR
 from alloc.rules.exact import exact_limits, level_between
 from alloc.rules.problem import ROUNDING, Allocation, AllocationProblem, Floats, allocated
 from alloc.rules.qp import TOLERANCE, judged, leaves_no_choice
 from alloc.rules.rule import Rule
+from alloc.schema.errors import AllocationError
 
 Term = Callable[[Any, Any], Any]
 """`term(x, p)`: of the variable x (n,), and of parameters p, an objective or a constraint of cvxpy."""
@@ -221,7 +221,7 @@ QP_ROBUST = robust_rule()
 
 
 def least_wear(x: Any, p: Any) -> Any:
-    """Model of the power that wheels dissipate, sum m x^2 / mark, see `alloc.rules.cooperative.wear_law`."""
+    """Model of the power that wheels dissipate, sum m x^2 / mark, see `alloc.rules.cooperative.share_wear`."""
     return p.wear @ x**2
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from alloc.compilation import jit
 from alloc.onboard.beliefs import ROOM
-from alloc.parts import law
+from alloc.onboard.signatures import share
 from alloc.rules.exact import level_between
 from alloc.rules.problem import LEAST_MARK, ROUNDING
 from alloc.rules.rule import Rule
@@ -24,12 +24,12 @@ def undisturbed(u, run):
     return min(max(room, run.plan), u.most)
 
 
-@law
-def cooperative_law(units, run):
+@share
+def share_cooperative(units, run):
     """The exact level over all caps; no unit is asked for less than the plan, nor beyond it for more than its mark."""
     lower, upper, mass = np.zeros(units.size), np.empty(units.size), np.empty(units.size)
     for j in range(units.size):
-        upper[j], mass[j] = min(units[j].cap, units[j].most), units[j].mass
+        upper[j], mass[j] = min(units[j].cap, units[j].most), units[j].mass_share
     level, run.case = level_between(lower, upper, mass, run.needed)
     for u in units:
         asked = undisturbed(u, run)
@@ -39,13 +39,13 @@ def cooperative_law(units, run):
 
 
 COOPERATIVE = Rule(
-    "cooperative", "limited units keep what they find, the others make up for it", cooperative_law, "delivered",
+    "cooperative", "limited units keep what they find, the others make up for it", share_cooperative, "delivered",
     promise="effort", colour="#8e0055", marker="p",
 )  # fmt: skip
 
 
-@law
-def wear_law(units, run):
+@share
+def share_wear(units, run):
     """The effort at the least wear: every unit at no bound at the same share x / p of its mark p.
 
     It minimises 1/2 sum m x^2 / p, a model of the power that wheels dissipate, whose marginal cost is that share.
@@ -57,8 +57,8 @@ def wear_law(units, run):
     best, total, balance = run.plan, 0.0, 0.0
     for u in units:
         best = max(best, u.mark if u.mark < np.inf else 0.0)
-        total += u.mass
-        balance += u.mass * (min(u.cap, u.most) - run.needed)
+        total += u.mass_share
+        balance += u.mass_share * (min(u.cap, u.most) - run.needed)
     run.case = 2 if balance > ROUNDING * run.needed * total else 1
     share = 0.0
     for _ in range(units.size if run.case == 2 else 0):
@@ -67,9 +67,9 @@ def wear_law(units, run):
             # a unit that was never limited counts as the best of the others
             mark, upper = max(min(u.mark, best), LEAST_MARK), min(u.cap, u.most)
             if mark * share >= upper:
-                rest -= u.mass * upper
+                rest -= u.mass_share * upper
             else:
-                free += u.mass * mark
+                free += u.mass_share * mark
         if free == 0.0 or rest <= share * free:
             break
         share = rest / free
@@ -82,6 +82,6 @@ def wear_law(units, run):
 
 
 WEAR = Rule(
-    "wear", "the plan at the least wear: each unit the same share of what it has shown to carry", wear_law,
+    "wear", "the plan at the least wear: each unit the same share of what it has shown to carry", share_wear,
     "delivered always", promise="effort", colour="#1b2c28", marker="$W$",
 )  # fmt: skip

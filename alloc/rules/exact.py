@@ -8,7 +8,7 @@ upper), and L is the root of a monotone, piecewise linear function.
 import numpy as np
 
 from alloc.compilation import jit
-from alloc.parts import law
+from alloc.onboard.signatures import share
 from alloc.rules.problem import ROUNDING, AllocationProblem, Floats
 from alloc.rules.rule import Rule
 
@@ -66,7 +66,7 @@ def share_exactly(units, run, rate):
     for j in range(units.size):
         u = units[j]
         before = u.wanted if u.wanted < np.inf else run.needed
-        mass[j] = u.mass
+        mass[j] = u.mass_share
         upper[j] = min(min(u.cap, u.most), before + rate)
         # adhesion and torque that fell faster than the rate prevail
         lower[j] = min(max(before - rate, 0.0), upper[j])
@@ -76,14 +76,14 @@ def share_exactly(units, run, rate):
     return level
 
 
-@law
-def exact_law(units, run):
+@share
+def share_exact(units, run):
     """Limits at the exact level of the caps."""
     return share_exactly(units, run, run.limit_rate)
 
 
-@law
-def oracle_law(units, run):
+@share
+def share_oracle(units, run):
     """Limits at the exact level of the true coefficients."""
     for j in range(units.size):
         units[j].cap = units[j].truth
@@ -97,11 +97,11 @@ def exact_limits(problem: AllocationProblem) -> tuple[Floats, float]:
 
 
 EXACT = Rule(
-    "exact", "the exact level of JP5484215 par. 0050, weighted with mass", exact_law,
+    "exact", "the exact level of JP5484215 par. 0050, weighted with mass", share_exact,
     promise="exact", colour="#0072b2", marker="P",
 )  # fmt: skip
 
 ORACLE = Rule(
-    "oracle", "the exact level on the true coefficients: what could be had at best", oracle_law, "known",
+    "oracle", "the exact level on the true coefficients: what could be had at best", share_oracle, "known",
     promise="effort", colour="#000000", marker="*",
 )  # fmt: skip

@@ -2,13 +2,13 @@
 
 `greedy` is `alloc.rules.reference` compiled as it stands, `greedy-claim` its other reading. Like the patent they
 count units, not masses, and leave torque limits to the units, which fall short of what they cannot reach. The further
-rules are the same law on other beliefs and other equipment.
+rules share in the same way on other beliefs and other equipment.
 """
 
 from dataclasses import replace
 
 from alloc.compilation import jit
-from alloc.parts import law
+from alloc.onboard.signatures import share
 from alloc.rules.problem import ROUNDING
 from alloc.rules.rule import Rule
 
@@ -38,20 +38,20 @@ def redistribute(units, run, running_sum):
     return level
 
 
-@law
-def greedy_law(units, run):
+@share
+def share_greedy(units, run):
     """Limits by the description, par. 0041 and 0049."""
     return redistribute(units, run, False)
 
 
-@law
-def greedy_claim_law(units, run):
+@share
+def share_greedy_claim(units, run):
     """Limits by claim 1."""
     return redistribute(units, run, True)
 
 
 GREEDY = Rule(
-    "greedy", "the reference: rear caps bound at the next unit's cap (JP5484215 par. 0041, 0049)", greedy_law,
+    "greedy", "the reference: rear caps bound at the next unit's cap (JP5484215 par. 0041, 0049)", share_greedy,
     promise="reference", colour="#d55e00", marker="s",
 )  # fmt: skip
 
@@ -85,6 +85,6 @@ GREEDY_TUNED = replace(
     description="greedy at its best within the words of JP5484215: all units' slips heard, tuned hold and detector",
 )  # fmt: skip
 GREEDY_CLAIM = replace(
-    GREEDY, name="greedy-claim", law=greedy_claim_law, promise="baseline", colour="#8ec6c6", marker="D",
+    GREEDY, name="greedy-claim", share=share_greedy_claim, promise="baseline", colour="#8ec6c6", marker="D",
     description="the reference as claim 1 of JP5484215 words it: a running sum",
 )  # fmt: skip

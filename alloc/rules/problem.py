@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.errors import AllocationError
+from alloc.schema.errors import AllocationError
 
 Floats = NDArray[np.float64]
 

@@ -1,33 +1,33 @@
 """What an allocation rule is, and all rules by name.
 
-A rule is a belief, what the leader thinks that each unit can carry, and a law, how it shares the plan over the units.
-Laws work on rows: `law(units, run) -> level` reads of each unit `cap`, `mass`, `most`, `mark`, `heard`, `searching`,
-`wanted` (the limits in force, inf: none), of the run `plan`, `needed`, `limit_rate`; it writes `wanted`, and may set
-`run.case`, which follows from `cap` and `most` else. A rule of one's own may be an `answer` to an `AllocationProblem`
-instead, in plain Python. Either is called with a problem to get an `Allocation`.
+A rule is a belief, what the leader thinks that each unit can carry, and a way to share the plan over the units, which works
+on rows: `share(units, run) -> level` reads of each unit `cap`, `mass_share`, `most`, `mark`, `reported`, `searching`,
+`wanted` (the limits in force, inf: none), of the run `plan`, `needed`, `limit_rate`. It writes `wanted`, and may set
+`run.case`, which follows from `cap` and `most` else. A rule of a user may be an `answer` to an `AllocationProblem` instead,
+in plain Python. Either is called with a problem to get an `Allocation`.
 """
 
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from alloc.columns import RUN, UNIT
-from alloc.errors import AllocationError, blamed_on
 from alloc.onboard.beliefs import BELIEFS
-from alloc.registry import Registry
+from alloc.onboard.columns import RUN, UNIT
 from alloc.rules.problem import CASES, ROUNDING, Allocation, AllocationProblem, allocated
-from alloc.tables import Rows
+from alloc.schema.errors import AllocationError, blamed_on
+from alloc.schema.registry import Registry
+from alloc.schema.tables import Rows
 
 Answer = Callable[[AllocationProblem], "Allocation | ArrayLike"]
 
 PROMISES = ("exact", "reference", "effort", "baseline")
-"""What a rule may promise, see `alloc.rules.testing`. Exact: the optimum. Reference: where caps grow along the train,
+"""What a rule may promise, see `alloc.rules.conformance`. Exact: the optimum. Reference: where caps grow along the train,
 no less than they allow and no more than the patent's rule asks. Effort: what caps and torque limits allow of the
 plan, whatever the order of the units. Baseline: what every rule keeps."""
 
@@ -40,8 +40,8 @@ class Rule:
 
     name: str
     description: str
-    law: Any = None
-    """`law(units, run) -> level`, compiled (`alloc.parts.law`) or not. Left out where there is an `answer`."""
+    share: Any = None
+    """`share(units, run) -> level`, compiled or not. Left out where there is an `answer`."""
     belief: Any = "front"
     """A name in `alloc.onboard.beliefs.BELIEFS`, or a belief."""
     answer: Answer | None = field(default=None, repr=False)
@@ -54,8 +54,12 @@ class Rule:
     """The same in every figure."""
     marker: str = "h"
     """In figures, as Matplotlib names it."""
+    law: InitVar[Any] = None
+    """What `share` was called; goes with the next release."""
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, law: Any) -> None:
+        if law is not None:
+            object.__setattr__(self, "share", law)
         for choice, choices in ((self.belief, BELIEFS), (self.promise, PROMISES)):
             if isinstance(choice, str) and choice not in choices:
                 known = ", ".join(choices)
@@ -63,10 +67,10 @@ class Rule:
         if isinstance(self.belief, str):
             object.__setattr__(self, "belief", BELIEFS[self.belief])
         if self.answer is not None:
-            object.__setattr__(self, "law", partial(serve, self))
-        if not callable(self.law):
+            object.__setattr__(self, "share", partial(serve, self))
+        if not callable(self.share):
             raise AllocationError(
-                f"rule {self.name!r}: give a law(units, run), or an answer(problem)"
+                f"rule {self.name!r}: give a share(units, run), or an answer(problem)"
             )
 
     def __call__(self, problem: AllocationProblem) -> Allocation:
@@ -74,13 +78,13 @@ class Rule:
         started = time.perf_counter()
         if self.answer is not None:
             return replace(self.answered(problem), solve_time=time.perf_counter() - started)
-        with blamed_on(f"rule {self.name!r}", self.law):
+        with blamed_on(f"rule {self.name!r}", self.share):
             units, run = rows_of(problem)
-            level = self.law(units, run)
+            level = self.share(units, run)
             for name in vars(units):  # NumPy lets an array of rows have any
                 raise AttributeError(f"rows have no attribute {name!r}")
             if level is None:
-                raise AllocationError("law returned None; return the level, nan for none")
+                raise AllocationError("share returned None; return the level, nan for none")
             spent, case = time.perf_counter() - started, CASES[run.case] if run.case else None
             return allocated(problem, units.wanted, level, case, solve_time=spent)
 
@@ -93,7 +97,7 @@ class Rule:
             return found if fine and np.all(limit >= -ROUNDING) else allocated(problem, limit)
 
     def with_belief(self, name: str) -> "Rule":
-        """The same law on another belief."""
+        """The same rule on another belief."""
         return replace(self, belief=name)
 
 
@@ -102,7 +106,7 @@ RULES: Registry[Rule] = Registry("rule")
 
 
 def serve(rule: Rule, units: Rows, run: Any) -> float:
-    """The law that an `answer` in plain Python makes: rows in, rows out; faults of its solver are counted."""
+    """How a rule shares that has an `answer` in plain Python: rows in, rows out; faults of its solver are counted."""
     found = rule.answered(problem_of(units, run))
     for j in range(units.size):
         units[j].wanted = found.limit[j]
@@ -118,11 +122,11 @@ def _blank(n: int) -> tuple[Rows, Rows]:
 
 
 def rows_of(problem: AllocationProblem) -> tuple[Rows, Any]:
-    """Rows of the units and the row of the run that state `problem` to a law."""
+    """Rows of the units and the row of the run that state `problem` to a rule."""
     units, run = (one.copy() for one in _blank(problem.n))
     for column, values in (
-        ("cap", problem.cap), ("mass", problem.mass), ("most", problem.limit_max), ("mark", problem.mark),
-        ("heard", problem.delivered), ("searching", problem.searching), ("truth", problem.truth),
+        ("cap", problem.cap), ("mass_share", problem.mass), ("most", problem.limit_max), ("mark", problem.mark),
+        ("reported", problem.delivered), ("searching", problem.searching), ("truth", problem.truth),
         ("deviation", problem.deviation), ("wanted", problem.previous),
     ):  # fmt: skip
         units[column] = values
@@ -134,7 +138,16 @@ def problem_of(units: Rows, run: Any) -> AllocationProblem:
     """What rows of the units and the row of the run ask of a rule; a unit without a limit counts as having the plan."""
     needed = float(run.needed)
     return AllocationProblem(
-        units.cap, needed, units.mass, limit_max=units.most, mark=units.mark, delivered=np.maximum(units.heard, 0.0),
-        previous=np.where(units.wanted < math.inf, units.wanted, needed), searching=units.searching, truth=units.truth,
-        deviation=units.deviation, rate=float(run.limit_rate), plan=float(run.plan),
-    )  # fmt: skip
+        units.cap,
+        needed,
+        units.mass_share,
+        limit_max=units.most,
+        mark=units.mark,
+        delivered=np.maximum(units.reported, 0.0),
+        previous=np.where(units.wanted < math.inf, units.wanted, needed),
+        searching=units.searching,
+        truth=units.truth,
+        deviation=units.deviation,
+        rate=float(run.limit_rate),
+        plan=float(run.plan),
+    )

@@ -13,8 +13,8 @@ from pydoc import locate
 import pytest
 
 from paper_figs import all_figures
-from studies.catalogue import STUDIES
-from studies.cli import app
+from studies.command.command_line import app
+from studies.runner.catalogue import STUDIES
 
 ROOT = Path(__file__).parents[2]
 FILES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]

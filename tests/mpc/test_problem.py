@@ -7,9 +7,9 @@ import casadi
 import numpy as np
 import pytest
 
-from alloc.curves import RationalCurve
-from alloc.errors import InputError
-from alloc.plant import derivative
+from alloc.plant.curves import RationalCurve
+from alloc.plant.dynamics import derivative
+from alloc.schema.errors import InputError
 from mpc import problem
 from mpc.plan import plan
 from mpc.problem import (
@@ -26,7 +26,7 @@ from mpc.problem import (
     torque_scale,
 )
 from mpc.unit import MPC
-from studies.scenario import load
+from studies.files.scenario import load
 from tests.cases import looped
 
 PERIOD = 0.01

@@ -6,7 +6,7 @@ import time
 
 import pandas as pd
 
-from studies.core import Cell, Row, Study
+from studies.runner.study import Cell, Row, Study
 
 FAILS, KILLS = 13, 20
 

@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies import benchmark, population
-from studies.core import run_study
+from studies import benchmark
+from studies.population import population
+from studies.runner.study import run_study
 
 RULES_RUN, LAWS_RUN = ("alone", "cooperative", "oracle"), ("cut-and-ramp", "perturb-observe")
 

@@ -13,11 +13,11 @@ from functools import partial
 import pandas as pd
 import pytest
 
-from studies import cli
-from studies.cli import run
+from studies.command import command_line as cli
+from studies.command.command_line import run
 from tests.cases import looped
 
-ROOT = cli.Path(cli.__file__).parents[1]
+ROOT = cli.Path(cli.__file__).parents[2]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
 strict = partial(json.loads, parse_constant=pytest.fail)
 
@@ -35,7 +35,7 @@ RULES.register("even", Rule("even", "everybody the plan", answer=even, promise="
 OWN_STUDY = """
 import pandas as pd
 from helper import FACTOR
-from studies.core import Cell, Study
+from studies.runner.study import Cell, Study
 
 def run(k):
     return {"value": FACTOR * k}
@@ -148,7 +148,15 @@ def test_own_study_counts_with_its_folder(capsys, elsewhere):
     (elsewhere / "study.py").write_text(OWN_STUDY)
     for factor in (2, 3):
         (elsewhere / "helper.py").write_text(f"FACTOR = {factor}\n")
-        command = [sys.executable, "-m", "studies.cli", "sweep", "study.py", "--jobs", "2"]
+        command = [
+            sys.executable,
+            "-m",
+            "studies.command.command_line",
+            "sweep",
+            "study.py",
+            "--jobs",
+            "2",
+        ]
         subprocess.run(command, check=True, env=ENVIRONMENT, capture_output=True)
         rows = pd.read_parquet(elsewhere / "results" / "own" / "rows.parquet")
         assert list(rows["value"]) == [0, factor, 2 * factor, 3 * factor]
@@ -209,7 +217,7 @@ def test_remarks(capsys, elsewhere):
     ("--plugin nothing.py list", "nothing.py"),
 ])  # fmt: skip
 def test_a_mistake_is_one_line(capsys, monkeypatch, arguments, words):
-    monkeypatch.setattr("studies.core.REACHED", 1)
+    monkeypatch.setattr("studies.runner.study.REACHED", 1)
     assert run(arguments.split()) == 2
     told = capsys.readouterr().err
     assert told.startswith("readhesion: ")
@@ -236,7 +244,7 @@ def test_a_faulty_plugin_is_one_line(capsys, elsewhere, source, words):
 
 def test_a_command_that_is_stopped_keeps_its_rows_and_goes_on(elsewhere):
     command = ["compare", "--rules", "alone", "--controllers", "none", "--jobs", "2"]
-    program = [sys.executable, "-m", "studies.cli", *command]
+    program = [sys.executable, "-m", "studies.command.command_line", *command]
     one = subprocess.Popen(program, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
     while not (elsewhere / "results" / "compare" / "rows.jsonl").exists():
         assert one.poll() is None
@@ -250,7 +258,7 @@ def test_a_command_that_is_stopped_keeps_its_rows_and_goes_on(elsewhere):
 
 
 def test_nobody_reads_on(elsewhere):
-    command = f"{sys.executable} -m studies.cli list | head -1"
+    command = f"{sys.executable} -m studies.command.command_line list | head -1"
     shell = ["bash", "-c", f"set -o pipefail; {command}"]
     found = subprocess.run(shell, env=ENVIRONMENT, capture_output=True, text=True)
     assert found.stderr == ""

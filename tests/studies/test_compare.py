@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alloc.errors import InputError
+from alloc.schema.errors import InputError
 from studies import compare
 from studies.compare import answer, as_json, frame, grid, lines, standings, study_of
-from studies.core import run_study
-from studies.runs import run
-from studies.scenario import load
+from studies.files.scenario import load
+from studies.run_cell import run
+from studies.runner.study import run_study
 
 RULES = ("alone", "cooperative", "greedy", "oracle")
 

@@ -16,9 +16,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies import core, row_key
-from studies.core import StudyError, WorkerLost, kept_rows, markdown, run_study, write_table
-from studies.row_key import decides, folder_hash
+from studies.runner import row_key
+from studies.runner import study as core
+from studies.runner.row_key import decides, folder_hash
+from studies.runner.study import StudyError, WorkerLost, kept_rows, markdown, run_study, write_table
 from tests.studies import made_study
 from tests.studies.made_study import make
 
@@ -27,7 +28,7 @@ WANTED = [float(k) for k in range(CELLS) if k != made_study.FAILS]
 ROOT = Path(__file__).parents[2]
 SCRIPT = """
 import sys
-from studies.core import run_study
+from studies.runner.study import run_study
 from tests.studies.made_study import make
 if __name__ == "__main__":
     run_study(make(float(sys.argv[2])), sys.argv[1], int(sys.argv[3]), jobs=int(sys.argv[4]))
@@ -187,7 +188,7 @@ def test_nobody_at_the_address(tmp_path, monkeypatch):
 
 SOURCE = """
     import numpy as np
-    from studies.row_key import MOST_FILES as most
+    from studies.runner.row_key import MOST_FILES as most
 
     SIZE = 2
     LABEL = "axis"
@@ -217,7 +218,7 @@ def key(monkeypatch, tmp_path, source):
     path = tmp_path / f"{abs(hash(source))}.py"
     path.write_text(textwrap.dedent(source))
     name = f"studies.made_{path.stem}"
-    monkeypatch.setattr("studies.row_key.path_of",
+    monkeypatch.setattr("studies.runner.row_key.path_of",
                         lambda module: path if module == name else original(module))  # fmt: skip
 
     def run():
@@ -227,7 +228,7 @@ def key(monkeypatch, tmp_path, source):
     return decides(run)
 
 
-original = sys.modules["studies.row_key"].path_of
+original = sys.modules["studies.runner.row_key"].path_of
 
 
 @pytest.mark.parametrize(("old", "new", "same"), [
@@ -253,7 +254,8 @@ def test_a_row_depends_on_what_its_function_names(monkeypatch, tmp_path, old, ne
 
 
 @pytest.mark.parametrize(("edited", "part"), [
-    ("alloc/estimation/series.py", "alloc.estimation"), ("alloc/testing.py", "alloc.testing"), ("alloc/rail.py", "alloc"),
+    ("alloc/evaluation/series.py", "alloc.evaluation.series"), ("alloc/conformance.py", "alloc.conformance"),
+    ("alloc/plant/rail.py", "alloc"),
 ])  # fmt: skip
 def test_what_no_run_uses_counts_where_it_is_named(monkeypatch, edited, part):
     """Estimations of measured runs, kits and citations stand apart."""

@@ -9,9 +9,10 @@ from itertools import count
 import pytest
 
 import readhesion
-from studies import core, row_key
-from studies.core import SourcesChanged, run_study
-from studies.plugins import load_plugins
+from studies.runner import row_key
+from studies.runner import study as core
+from studies.runner.plugins import load_plugins
+from studies.runner.study import SourcesChanged, run_study
 from tests.cases import looped
 from tests.studies.made_study import make
 
@@ -76,9 +77,12 @@ def test_machine_code_follows_an_edit(tmp_path):
     """In a new process: Numba's cache knows the file of a function alone."""
     for share in (0.5, 0.9):
         path = write(tmp_path, "own-share", READ_AT_ONCE, share, COMPILED)
-        told = f"from studies.plugins import load_plugins; load_plugins([{str(path)!r}]); " + (
-            "import readhesion; s = readhesion.load_scenario('wet-patch').changed(duration_s=4.0); "
-            "print(readhesion.evaluate(readhesion.simulate(s, 'own-share', 'none'))['bound_use'])"
+        told = (
+            f"from studies.runner.plugins import load_plugins; load_plugins([{str(path)!r}]); "
+            + (
+                "import readhesion; s = readhesion.load_scenario('wet-patch').changed(duration_s=4.0); "
+                "print(readhesion.evaluate(readhesion.simulate(s, 'own-share', 'none'))['bound_use'])"
+            )
         )
         found = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True)
         assert float(found.stdout) == pytest.approx(share, abs=0.05), found.stderr

@@ -4,8 +4,8 @@ import pickle
 
 import pytest
 
-from studies.catalogue import STUDIES, find_study
-from studies.core import key_of
+from studies.runner.catalogue import STUDIES, find_study
+from studies.runner.study import key_of
 
 SEED = 3
 

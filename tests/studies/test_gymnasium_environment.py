@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from alloc.errors import InputError
-from alloc.metrics import evaluate
-from alloc.simulation import simulate
-from studies.core import StudyError
+from alloc.evaluation.metrics import evaluate
+from alloc.run.simulation import simulate
+from alloc.schema.errors import InputError
+from studies.files.scenario import load
 from studies.gymnasium_environment import PRICE, ReadhesionEnvironment
-from studies.scenario import load
+from studies.runner.study import StudyError
 
 
 def short(name):

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.wheel_damage import wheel_damage
-from alloc.metrics import damage, distance
-from alloc.simulation import simulate
-from studies.core import run_study
+from alloc.evaluation.metrics import damage, distance
+from alloc.evaluation.wheel_damage import wheel_damage
+from alloc.run.simulation import simulate
+from studies.files.scenario import load
 from studies.jp4209318 import CALIBRATED, STEP, STUDY, TABLE_3, TABLE_4, cells, laws, stop, train
-from studies.scenario import load
+from studies.runner.study import run_study
 
 
 def test_the_train_is_that_of_table_2():

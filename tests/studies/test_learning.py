@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from alloc.rail import GROWTH_SLOPE, logarithmic_increments
-from alloc.simulation import simulate
+from alloc.plant.rail import GROWTH_SLOPE, logarithmic_increments
+from alloc.run.simulation import simulate
 from studies import learning as study
-from studies.core import StudyError
-from studies.scenario import load
+from studies.files.scenario import load
+from studies.runner.study import StudyError
 
 
 def test_the_printed_numbers() -> None:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from alloc.onboard.controllers import CONTROLLERS
-from studies.core import run_study
+from alloc.onboard.controllers.controller import CONTROLLERS
 from studies.mpc_parts import STUDY, exchanged
+from studies.runner.study import run_study
 from tests.cases import looped
 from tests.wheel import drive
 

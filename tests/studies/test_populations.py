@@ -7,14 +7,16 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from alloc.metrics import METRICS
+from alloc.evaluation.metrics import METRICS
 from paper_figs.sharing import FIGURES
 from readhesion import simulate
-from studies import braking, claims, events, population
+from studies import braking, claims
 from studies.compare import grid
-from studies.core import BOOKKEEPING, markdown, run_study
-from studies.runs import cell, run
-from studies.scenario import load
+from studies.files.scenario import load
+from studies.population import draws as events
+from studies.population import population
+from studies.run_cell import cell, run
+from studies.runner.study import BOOKKEEPING, markdown, run_study
 from studies.statistics import statement_table
 
 STYLE = Path(__file__).parents[2] / "paper_figs" / "readhesion.mplstyle"

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.brake_force import car_brake_forces, coupler_force_between
-from alloc.simulation import simulate
-from studies.core import run_study
+from alloc.evaluation.brake_force import car_brake_forces, coupler_force_between
+from alloc.run.simulation import simulate
+from studies.files.scenario import load
 from studies.rtri import (
     CUT_OUT,
     RIGGING,
@@ -17,7 +17,7 @@ from studies.rtri import (
     statements,
     train_of,
 )
-from studies.scenario import load
+from studies.runner.study import run_study
 
 
 def test_forces_and_couplers_follow_from_each_other_without_relative_motion():

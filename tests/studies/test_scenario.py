@@ -12,10 +12,9 @@ import jsonschema
 import numpy as np
 import pytest
 
-from alloc.curves import CURVES
-from alloc.sets import SETS, find_set
-from studies.core import StudyError
-from studies.scenario import (
+from alloc.plant.curves import CURVES
+from alloc.plant.trains import TRAINS, find_train
+from studies.files.scenario import (
     SHIPPED,
     default_scenarios,
     load,
@@ -25,6 +24,7 @@ from studies.scenario import (
     schema,
     shipped,
 )
+from studies.runner.study import StudyError
 
 HASHES = {
     "failed-unit": ("40615631", "99fa88b4"), "failed-units": ("1ba6d115", "6956e165"),
@@ -348,8 +348,8 @@ def test_shipped_events_need_no_remark(name):
 
 
 def test_a_train_that_a_plug_in_brings_counts_with_its_file(monkeypatch):
-    monkeypatch.setattr(SETS, "_parts", dict(SETS._parts))
-    monkeypatch.setattr(SETS, "_origins", dict(SETS._origins))
-    SETS.register("own-train", lambda: find_set("commuter-8car"))
+    monkeypatch.setattr(TRAINS, "_parts", dict(TRAINS._parts))
+    monkeypatch.setattr(TRAINS, "_origins", dict(TRAINS._origins))
+    TRAINS.register("own-train", lambda: find_train("commuter-8car"))
     assert __name__ in load("wet-patch").changed(train="own-train").sources
     assert load("wet-patch").changed(duration_s=np.float64(3.0)).duration_s == 3.0

@@ -7,12 +7,12 @@ import jsonschema
 import numpy as np
 import pytest
 
-from alloc import sets
-from alloc.sets import find_set
-from alloc.simulation import simulate
-from studies.core import StudyError
-from studies.scenario import SHIPPED, load, schema
-from studies.trains import train_keys
+from alloc.plant import trains
+from alloc.plant.trains import find_train
+from alloc.run.simulation import simulate
+from studies.files.scenario import SHIPPED, load, schema
+from studies.files.train_keys import train_keys
+from studies.runner.study import StudyError
 
 TRAM = Path(__file__).with_name("tram.toml").read_text()
 EVENT = (
@@ -45,7 +45,7 @@ def test_the_train_is_as_its_file_says():
     "name", ["one-axle", "jp4209318-3car", "commuter-8car", "high-speed-16car", "freight-5"]
 )
 def test_shipped_sets_are_templates(name):
-    assert train_keys(Path(sets.__file__).with_name(f"{name}.toml")).train == find_set(name)
+    assert train_keys(Path(trains.__file__).with_name(f"{name}.toml")).train == find_train(name)
 
 
 def test_the_schema_knows_a_train_and_names_a_misspelt_key():
@@ -68,7 +68,7 @@ def test_a_tram_slips_and_starts(folder):
 
 def test_an_edited_train_makes_another_scenario_and_one_that_was_read_keeps_its_own(folder):
     before = load(folder / "own.toml")
-    assert before.changed(train="commuter-8car").event().train == find_set("commuter-8car")
+    assert before.changed(train="commuter-8car").event().train == find_train("commuter-8car")
     (folder / "trains" / "tram.toml").write_text(TRAM.replace("mass_t = 14.0", "mass_t = 15.0"))
     after = load(folder / "own.toml")
     assert before.text != after.text

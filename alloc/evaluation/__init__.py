@@ -1,0 +1,1 @@
+"""What is said of a recorded run, or of measured series."""

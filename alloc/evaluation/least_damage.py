@@ -1,0 +1,164 @@
+"""The least wheel damage for an effort, split among units with the truth at hand: at an instant, and in a whole event.
+
+At an instant the driven units deliver F together. With the true curve, loads and motors of that instant, the least power
+
+    minimise  sum_j x_j sum_i s_i(x_j)   over the force x_j of each axle of unit j,  sum_j n_j x_j = F,  x_j <= its cap
+
+is convex: s_i(x), the slip at which axle i carries x, grows without end towards its peak. All units that are at no bound
+have one marginal cost, so each unit's best force is tabulated over that cost, and what all deliver, and the power it takes,
+follow (water filling). Over w = sqrt(1 - x / most) slip and cost are nearly straight lines between nodes. It is a
+quasi-static bound: wheels are in balance, and what they have cleaned of the rail stays as it was.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.compilation import jit
+from alloc.plant.curves import coefficient
+
+if TYPE_CHECKING:
+    from alloc.evaluation.metrics import Run
+
+Floats = NDArray[np.float64]
+
+SAMPLED = 0.1
+"""Time [s] between the instants at which the least damage is found: a telegram's period."""
+NODES, STEPS = 48, 32
+"""Steps of slip from 0 to that of the peak, and of a unit's force from 0 to its cap."""
+COSTS = np.concatenate([[0.0], np.geomspace(1e-4, 100.0, 160)])
+"""Marginal costs in the tables [m/s]."""
+
+
+@dataclass(frozen=True)
+class Fronts:
+    """Best splits at sampled instants."""
+
+    force: Floats
+    """Of the driven axles [N], as far as the best split can deliver it, (instants,)."""
+    power: Floats
+    """That they dissipated [W], (instants,)."""
+    ceiling: Floats
+    """The most that the event's best course may deliver [N], (instants,)."""
+    given: Floats
+    """What the best split delivers at each of `COSTS` [N], (instants, costs)."""
+    taken: Floats
+    """The power that it dissipates [W], (instants, costs)."""
+
+    def least(self, force: Floats) -> Floats:
+        """Least power [W] for `force` [N], (instants,): between two costs, which are its slopes, it is a parabola."""
+        found = np.empty(force.size)
+        for k, (given, taken) in enumerate(zip(self.given, self.taken, strict=True)):
+            q = min(max(int(np.searchsorted(given, force[k])), 1), COSTS.size - 1)
+            step = max(given[q] - given[q - 1], 1e-9)
+            u = min(max((force[k] - given[q - 1]) / step, 0.0), 1.0)
+            bend = 0.5 * u * (1.0 - u) * step * (COSTS[q] - COSTS[q - 1])
+            found[k] = taken[q - 1] + u * (taken[q] - taken[q - 1]) - bend
+        return found
+
+    def excess(self, force: Floats) -> float:
+        """The power over the least at which `force` (instants,) [N] is delivered, less 1; nan where that is 0."""
+        least = self.least(force).sum()
+        return float(self.power.sum() / least - 1.0) if least > 0.0 else float("nan")
+
+    def best_course(self) -> Floats:
+        """The force (instants,) [N] of the same impulse that has one marginal cost in the whole event, at most `ceiling`."""
+        course = np.minimum(self.given, self.ceiling[:, None])
+        total, wanted = course.sum(axis=0), self.force.sum()
+        q = min(max(int(np.searchsorted(total, wanted)), 1), COSTS.size - 1)
+        part = np.clip((wanted - total[q - 1]) / max(total[q] - total[q - 1], 1e-9), 0.0, 1.0)
+        return np.asarray(course[:, q - 1] + part * (course[:, q] - course[:, q - 1]))
+
+
+def find_fronts(run: "Run") -> Fronts | None:
+    """Best splits of the effort; None without driven axles or demand, or where the run names no curve."""
+    chosen = np.flatnonzero(run.demand)[:: run.instants(SAMPLED)]
+    axles = np.argsort(run.unit, kind="stable")[(~run.driven).sum() :]
+    if "curve" not in run.attrs or not axles.size or not chosen.size:
+        return None
+
+    def of_axles(name: str) -> Floats:
+        return np.ascontiguousarray(run[name][chosen][:, axles], dtype=float)
+
+    speed = np.ascontiguousarray(np.abs(run["car_speed"][chosen][:, run["axle_car"][axles]]))
+    values = np.atleast_1d(np.asarray(run.attrs["curve_values"], dtype=float))
+    # a part has one torque: a unit, or an axle of a unit whose motors are in parallel
+    unit, able = run.unit[axles], run.motors[chosen]
+    new = np.append(True, np.diff(unit) != 0) | (run["unit_parallel"][unit] > 0)
+    first = np.flatnonzero(np.append(new, True))
+    most = np.maximum(able / run.axles, 0.0)[:, unit[first[:-1]]]
+    given, taken = np.zeros((2, chosen.size, COSTS.size))
+    fill(
+        int(run.attrs["curve"]), values, run.way[chosen], speed, of_axles("offered"),
+        run["axle_contact"][axles].astype(float), of_axles("peak_slip"), of_axles("axle_load"), most, first, COSTS, given,
+        taken,
+    )  # fmt: skip
+    # wheels that failed motors do not turn resist, whatever the split
+    force = run.force[chosen][:, axles].sum(axis=1) - np.minimum(able, 0.0).sum(axis=1)
+    plan = run.settled[chosen] * run.planned[chosen] * run.load[axles].sum()
+    power = (run.slip * np.abs(run.force))[chosen][:, axles].sum(axis=1)
+    possible = np.clip(force, 0.0, given[:, -1])
+    return Fronts(possible, power, np.maximum(plan, force), given, taken)
+
+
+@jit
+def fill(curve, values, way, speed, peak, contact, top, load, able, first, costs, given, taken):
+    """Add up over the parts what each delivers [N] and dissipates [W] at each marginal cost, into (instants, costs).
+
+    `way` (instants,); `contact` (axles,); `speed`, `peak`, `top` (slip of the peak), `load` (instants, axles); `able`
+    (instants, parts): what motors allow an axle [N]; the axles of part j are those from `first[j]` to `first[j + 1]`.
+    Between steps of w, power is a parabola of force.
+    """
+    table, most = np.empty((top.shape[1], NODES + 1)), np.empty(top.shape[1])
+    force, power, middle, price = np.zeros((4, STEPS + 1))
+    for k in range(top.shape[0]):
+        for i in range(top.shape[1]):  # w at the slips (node / NODES)^2 top
+            v, least = speed[k, i], 1.0
+            slip = way[k] * top[k, i]
+            best = coefficient(curve, values, slip, v, v + slip, peak[k, i], contact[i])
+            best = max(way[k] * best, 1e-12)
+            most[i] = best * load[k, i]
+            for node in range(NODES + 1):
+                part = slip * (node / NODES) ** 2
+                mu = coefficient(curve, values, part, v, v + part, peak[k, i], contact[i])
+                least = min(least, np.sqrt(max(1.0 - way[k] * mu / best, 0.0)))
+                table[i, node] = least
+        for j in range(first.size - 1):
+            number, cap = first[j + 1] - first[j], able[k, j]
+            for i in range(first[j], first[j + 1]):
+                cap = min(cap, most[i])
+            if cap <= 0.0:
+                continue
+            power[:] = 0.0
+            for i in range(first[j], first[j + 1]):
+                node = 0
+                for m in range(STEPS + 1):
+                    x = cap * (1.0 - (1.0 - m / STEPS) ** 2)
+                    w = np.sqrt(max(1.0 - x / most[i], 0.0))
+                    while node < NODES - 1 and w < table[i, node + 1]:
+                        node += 1
+                    width = max(table[i, node] - table[i, node + 1], 1e-9)
+                    inside = min(max((table[i, node] - w) / width, 0.0), 1.0)
+                    slip = top[k, i] * (node * node + inside * (2 * node + 1)) / NODES**2
+                    force[m] = number * x
+                    power[m] += slip * x
+            for m in range(STEPS):
+                slope = (power[m + 1] - power[m]) / (force[m + 1] - force[m])
+                price[m + 1], middle[m + 1] = max(slope, price[m]), 0.5 * (force[m] + force[m + 1])
+            m = 0  # the best force at a cost lies between the middles of two steps
+            for q in range(costs.size):
+                while m < STEPS and price[m + 1] <= costs[q]:
+                    m += 1
+                f = force[STEPS]
+                if m < STEPS:
+                    rise = (middle[m + 1] - middle[m]) * (costs[q] - price[m])
+                    f = middle[m] + rise / max(price[m + 1] - price[m], 1e-12)
+                n = min(max(np.searchsorted(force, f), 1), STEPS)
+                step = force[n] - force[n - 1]
+                u = (f - force[n - 1]) / step
+                bend = price[min(n + 1, STEPS)] - price[n - 1]
+                bend = 0.25 * bend * step * u * (1.0 - u)
+                given[k, q] += f
+                taken[k, q] += power[n - 1] + u * (power[n] - power[n - 1]) - bend

@@ -1,0 +1,1 @@
+"""Readhesion controllers."""

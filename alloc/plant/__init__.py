@@ -1,0 +1,1 @@
+"""What is true: curves, rail, train, and their motion. Nothing on board reads it."""

@@ -1,0 +1,453 @@
+"""The plant: right side, Runge-Kutta steps, rail that wheels clean, cylinders behind their dead time; traction positive.
+
+State: positions and speeds of the bodies (cars, or one rigid train), angular speeds of the axles, torques of the units,
+pressures of the brake groups, friction work of the axles; then work of motors, of shoes, against resistance and gradient, of
+couplers. Rows of the tables hold what is constant over a step, and note what is of the last instant asked for.
+
+What few events have (patches, scatter, cleaning, load transfer, shoes, parallel motors) stands in loops of its own, and what
+a loop reads of a single row it reads before: compiled code must otherwise read it again after every write.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from alloc import laws
+from alloc.backends import compiled as law
+from alloc.compilation import inlined, jit, last_use
+from alloc.plant.curves import BY_CREEP, PIECEWISE, coefficient, steepest, top
+from alloc.schema.tables import Rows
+
+FLOOR = 1e-3
+"""Smallest adhesion coefficient: scatter and increments must not make it zero."""
+USED, USED_BY_AIR, BACK = 0.999, 0.995, 0.8
+"""Shares of the true adhesion that the oracle uses pulling, and braking with air: at the very peak no torque can be held.
+Share of what a wheel beyond the peak carries that it leaves to it, so that the wheel comes back."""
+STABLE = 2.5
+"""Step times fastest rate; classical Runge-Kutta is stable below 2.78."""
+STROKE = 0.1
+"""Longest elongation of a coupler [m] for which a step is stable."""
+SMALLEST = 1e-150
+"""Size of a state below which it is zero."""
+
+
+@jit
+def places(axles, cars, units, brakes, plant):
+    """Number of bodies; where angular speeds, torques, pressures and friction work begin in the state; works follow."""
+    bodies = 1 if plant.body_mass > 0.0 else cars.size
+    omega = 2 * bodies
+    torque = omega + axles.size
+    pressure = torque + units.size
+    return bodies, omega, torque, pressure, pressure + brakes.size
+
+
+@jit
+def look_up(tables, j, place):
+    """Value of table `j` at a place between its points; beyond an end that of the end."""
+    place = min(max(place, 0.0), tables.shape[1] - 1.000001)
+    k = int(place)
+    return tables[j, k] + (place - k) * (tables[j, k + 1] - tables[j, k])
+
+
+@inlined
+def cleans(plant):
+    """Whether wheels change the rail that they leave."""
+    return plant.conditioning > 0.0 or plant.recovered_coefficient > 0.0
+
+
+# The right side: what most events have in one function, since handing arrays to a part takes time; what few have in parts
+
+
+@inlined
+def vary_rail(t, y, axles, bodies, patches, scatter, plant):
+    """Patches, scatter, and what wheels have cleaned, on the adhesion coefficient that the rail offers."""
+    for k in range(patches.size):
+        p = patches[k]
+        change = law.window(t, p.begin, p.until, p.fade) * (p.factor - 1.0)
+        if change != 0.0:
+            for i in range(axles.size):
+                a = axles[i]
+                inside = law.window(y[a.body] + a.offset, p.start, p.end, p.edge)
+                a.offered += change * inside * (a.offered - a.increment)
+    if plant.scatter_length > 0.0:
+        for i in range(axles.size):
+            a = axles[i]
+            knot = (y[a.body] + a.offset) / plant.scatter_length
+            k = math.floor(knot)
+            here, ahead = scatter[k % scatter.size], scatter[(k + 1) % scatter.size]
+            a.offered += here + law.smooth_step(knot - k) * (ahead - here)
+    for i in range(axles.size):
+        a = axles[i]
+        a.offered = max(a.offered * (1.0 + plant.conditioning * a.cleaned), FLOOR)
+    if plant.recovered_coefficient > 0.0:
+        for i in range(axles.size):
+            a = axles[i]
+            degree = law.both_cleaned(a.recovery, a.cleaned)
+            a.offered = law.recovered(a.offered, degree, plant.recovered_coefficient)
+
+
+@inlined
+def find_loads(y, axles, cars, bodies, omega, curve, plant):
+    """Coefficients, and axle loads as cars and bogies pitch: in closed form, without iteration between force and load."""
+    for i in range(axles.size):
+        a = axles[i]
+        speed, rim = y[bodies + a.body], a.radius * y[omega + i]
+        slip = rim - speed
+        mu = coefficient(plant.curve_number, curve, slip, speed, rim, a.offered, a.contact)
+        a.coefficient, a.axle_load = mu, a.static_load
+    if plant.pitches:
+        for k in range(cars.size):
+            cars[k].force, cars[k].pitch = 0.0, 0.0
+        for i in range(axles.size):
+            a, c = axles[i], cars[axles[i].car]
+            c.force += a.coefficient * a.static_load
+            c.pitch += a.coefficient * a.unloading
+        for i in range(axles.size):
+            a, c = axles[i], cars[axles[i].car]
+            force = law.car_force(c.force, c.pitch)
+            a.axle_load = law.axle_load(a.static_load, a.unloading, force)
+
+
+@inlined
+def divide_torque(t, y, dy, axles, units, omega, torque):
+    """Motors in parallel on one frequency: what each gives beside the mean torque; the work of it [W]."""
+    work = 0.0
+    for i in range(axles.size):
+        a = axles[i]
+        if a.unit >= 0 and units[a.unit].slip_torque > 0.0 and t < units[a.unit].failure:
+            u = units[a.unit]
+            mean, own = a.gear * dy[torque + a.unit] / u.axles, a.gear * y[omega + i]
+            more = a.gear * law.parallel_torque(0.0, u.slip_torque, mean, own)
+            dy[omega + i] += more / a.inertia
+            work += more * y[omega + i]
+    return work
+
+
+@inlined
+def press_shoes(y, dy, axles, brakes, omega, pressure):
+    """Shoes against the rotation of each wheelset; the work lost in them [W]."""
+    work = 0.0
+    for i in range(axles.size):
+        a = axles[i]
+        if a.brake >= 0:
+            b, turning = brakes[a.brake], y[omega + i]
+            friction = law.speed_law(
+                a.radius * turning, b.friction_numerator, b.friction_offset, b.friction_constant
+            )
+            bound = a.radius * a.shoe_gain * y[pressure + a.brake] * friction
+            shoe = law.shoe_torque(dy[omega + i] * a.inertia, turning, bound, a.inertia)
+            dy[omega + i] -= shoe / a.inertia
+            a.brake_force = shoe / a.radius
+            work += shoe * turning
+    return work
+
+
+@inlined
+def pull_couplers(y, dy, cars, bodies):
+    """Accelerations of cars under the forces `dy` [N] and those of their couplers; power that these take in [W]."""
+    taken = 0.0
+    for k in range(bodies - 1):
+        c, rate = cars[k], y[bodies + k] - y[bodies + k + 1]
+        tension = law.coupler_force(
+            y[k] - y[k + 1], rate, c.stiffness, c.stiffening, c.damping, c.slack
+        )
+        c.coupler_force = tension
+        taken += tension * rate
+        dy[bodies + k] -= tension
+        dy[bodies + k + 1] += tension
+    for k in range(bodies):
+        dy[k] = y[bodies + k]
+        dy[bodies + k] /= cars[k].mass
+    return taken
+
+
+@jit
+def derivative(
+    t, y, dy, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, plant
+):
+    """Right side `dy` of the state `y` at the instant `t`; the rows note what is of this instant."""
+    bodies, omega, torque, pressure, friction = places(axles, cars, units, brakes, plant)
+    motors, shoes, lost, taken = 0.0, 0.0, 0.0, 0.0  # powers [W]
+
+    # the rail
+    offset = plant.law_offset
+    decline = law.speed_law(y[bodies], 1.0, offset, 0.0)
+    for i in range(axles.size):
+        a = axles[i]
+        if bodies > 1:
+            decline = law.speed_law(y[bodies + a.body], 1.0, offset, 0.0)
+        a.offered = max(a.law_numerator * decline + a.law_constant + a.increment, FLOOR)
+    if cleans(plant) or patches.size > 0 or plant.scatter_length > 0.0:
+        vary_rail(t, y, axles, bodies, patches, scatter, plant)
+
+    # the wheelsets; a unit's angular speeds are summed where the rate of its torque will stand
+    q0, q1, q2, q3, q4 = 0.0, 0.0, 0.0, 0.0, 0.0
+    usual = plant.curve_number == PIECEWISE and not plant.pitches
+    if usual:  # what follows from these alone is found once
+        q0, q1, q2, q3, q4 = curve[0], curve[1], curve[2], curve[3], curve[4]
+    else:
+        find_loads(y, axles, cars, bodies, omega, curve, plant)
+    for k in range(cars.size):
+        cars[k].force = 0.0
+    for j in range(units.size):
+        dy[torque + j] = 0.0
+    for i in range(axles.size):
+        a, turning = axles[i], y[omega + i]
+        slip, mu, load = a.radius * turning - y[bodies + a.body], a.coefficient, a.axle_load
+        if usual:
+            load = a.static_load
+            mu = law.piecewise_coefficient(slip, a.offered, q0, q1, q2, q3, q4)
+        force = mu * load
+        a.slip_velocity, a.coefficient, a.axle_load = slip, mu, load
+        a.rail_force, a.brake_force = force, 0.0
+        cars[a.car].force += force
+        at_wheel = -a.radius * force
+        if a.unit >= 0:
+            driving = a.gear * y[torque + a.unit]
+            at_wheel += driving
+            motors += driving * turning
+            dy[torque + a.unit] += turning
+        dy[omega + i] = at_wheel / a.inertia
+        dy[friction + i] = force * slip
+    if plant.parallel:
+        motors += divide_torque(t, y, dy, axles, units, omega, torque)
+
+    # the cylinders
+    pressed = 0.0
+    for g in range(brakes.size):
+        b, p = brakes[g], y[pressure + g]
+        pressed += p
+        dy[pressure + g] = law.pressure_rate(p, b.filling, b.acting, b.fill_time, b.release_time)
+    if pressed > 0.0:
+        shoes = press_shoes(y, dy, axles, brakes, omega, pressure)
+
+    # the cars
+    total, last = 0.0, line.size - 1.000001
+    for k in range(cars.size):
+        c, body = cars[k], cars[k].body
+        place = (y[body] + c.middle - plant.line_origin) / plant.line_spacing
+        place = min(max(place, 0.0), last)
+        here = line[int(place)]
+        grade, air = here.grade, here.air
+        if line.size > 1:
+            part, ahead = place - int(place), line[int(place) + 1]
+            grade += part * (ahead.grade - grade)
+            air += part * (ahead.air - air)
+        speed, quadratic = y[bodies + body], c.resistance_quadratic * air
+        drag = law.resistance(speed, c.resistance, c.resistance_linear, quadratic)
+        drag += law.gradient_force(c.mass, grade)
+        lost += drag * speed
+        total += c.force - drag
+        dy[bodies + body] = c.force - drag
+    if plant.body_mass > 0.0:
+        dy[0], dy[1] = y[1], total / plant.body_mass
+    else:
+        taken = pull_couplers(y, dy, cars, bodies)
+
+    # the motors, behind commands within what they and the line allow at the units' rim speeds
+    share = law.power_taken(
+        t, plant.receptivity_mean, plant.receptivity_amplitude, plant.receptivity_period, plant.receptivity_phase
+    )  # fmt: skip
+    for j in range(units.size):
+        u = units[j]
+        kmh = 3.6 * abs(dy[torque + j]) * u.true_radius / u.axles
+        drive, brake = look_up(effort, j, kmh), share * look_up(retard, j, kmh)
+        if t >= u.failure:
+            drive = brake = 0.0
+        dy[torque + j] = law.torque_rate(y[torque + j], u.applied, drive, brake, u.lag)
+
+    works = friction + axles.size
+    dy[works], dy[works + 1], dy[works + 2], dy[works + 3] = motors, shoes, lost, taken
+    last_use(y, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter)
+
+
+@jit
+def note(y, dy, axles, cars, units, brakes, plant, run):
+    """Columns of the record that follow from the state and its `derivative`."""
+    bodies, omega, _, pressure, friction = places(axles, cars, units, brakes, plant)
+    for i in range(axles.size):
+        axles[i].rim_speed = axles[i].radius * y[omega + i]
+        axles[i].friction_work = y[friction + i]
+    mass, momentum, force = 0.0, 0.0, 0.0
+    for k in range(cars.size):
+        c = cars[k]
+        c.car_speed, c.car_acceleration = y[bodies + c.body], dy[bodies + c.body]
+        mass += c.mass
+        momentum += c.mass * c.car_speed
+        force += c.mass * c.car_acceleration
+    for g in range(brakes.size):
+        brakes[g].cylinder_pressure = y[pressure + g]
+    works = friction + axles.size
+    run.position, run.speed, run.acceleration = y[0], momentum / mass, force / mass
+    run.motor_work, run.shoe_work = y[works], y[works + 1]
+    run.resistance_work, run.coupler_work = y[works + 2], y[works + 3]
+
+
+# Between the steps: cylinders behind their dead time, rail that wheels clean
+
+
+@jit
+def respond(t, brakes, asked, period):
+    """Cylinders do what was asked of them their dead time ago: `asked` (ticks, brakes), rows recorded so far."""
+    for g in range(brakes.size):
+        b = brakes[g]
+        tick = math.floor((t - b.dead_time) / period + 1e-6)
+        b.filling, b.acting = 0.0, 0.0
+        if tick >= 0:
+            b.filling, b.acting = asked[tick, g].pressure_target, asked[tick, g].valve
+
+
+@jit
+def read_rail(y, axles, rail, cell):
+    """What wheels ahead have left under each axle; `rail` is a ring of cells."""
+    for i in range(axles.size):
+        a = axles[i]
+        place = (y[a.body] + a.offset) / cell
+        k = math.floor(place)
+        here = rail[k % rail.size]
+        a.cleaned = here + (place - k) * (rail[(k + 1) % rail.size] - here)
+
+
+@jit
+def clean_rail(y, before, axles, bodies, omega, friction, span, rail, plant):
+    """Each axle cleans the cells that it has left behind in a step of `span` [s]; the foremost begins new ones.
+
+    Slip cleans them (JP4209318 par. 0051), or what has recovered a contact stays in part. `before`: state at its begin.
+    """
+    for i in range(axles.size):
+        a, b = axles[i], axles[i].body
+        speed, rim = y[bodies + b], a.radius * y[omega + i]
+        if plant.recovered_coefficient > 0.0:
+            power = (y[friction + i] - before[friction + i]) / span
+            energy, lag = plant.recovery_energy, plant.recovery_time
+            a.recovery = law.recovery(a.recovery, power, speed, energy, lag, span)
+            degree = plant.recovery_left * law.both_cleaned(a.recovery, a.cleaned)
+        else:
+            ratio = (rim - speed) / max(abs(speed), abs(rim), 1e-3)
+            degree = law.cleaned(ratio, plant.conditioning_slip)
+        now = math.floor((y[b] + a.offset) / plant.cleaning_spacing)
+        if a.cell < now - rail.size or a.cell > now:
+            a.cell = now
+        for k in range(a.cell, now + 1 if i == 0 else now):
+            if i == 0:
+                rail[(k + 2) % rail.size] = 0.0
+            if k < now:
+                rail[k % rail.size] = max(rail[k % rail.size], degree)
+        a.cell = now
+
+
+@jit
+def advance(
+    t, y, stages, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, rail, plant, asked
+):  # fmt: skip
+    """One control period from `t` on by classical Runge-Kutta steps of equal length, `plant.step` at most.
+
+    They are as short as contacts, shoes, motors and couplers need at this speed: where a curve goes by creep, which is slip
+    over speed, contacts are the stiffer the slower the train.
+    """
+    stage, slope, end = stages[0], stages[1], stages[2]
+    bodies, omega, _, _, friction = places(axles, cars, units, brakes, plant)
+    period, cleaning = plant.period, cleans(plant)
+    speed = abs(y[bodies])
+    for b in range(bodies + 1, 2 * bodies):
+        speed = min(speed, abs(y[b]))
+    by_creep = plant.curve_number in BY_CREEP
+    contact = plant.contact_rate / (law.creep_speed(speed, speed) if by_creep else 1.0)
+    rate = max(plant.rate, contact)
+    steps = max(1, math.ceil(period / plant.step - 1e-9))
+    steps *= max(1, math.ceil(period / steps * rate / STABLE))
+    h = period / steps
+    for s in range(steps):
+        now = t + s * h
+        respond(now, brakes, asked, period)
+        if cleaning:
+            read_rail(y, axles, rail, plant.cleaning_spacing)
+        for r in range(y.size):
+            stage[r] = end[r] = y[r]
+        for share, reach, at in (
+            (1.0 / 6.0, 0.5, 0.0), (1.0 / 3.0, 0.5, 0.5), (1.0 / 3.0, 1.0, 0.5), (1.0 / 6.0, 0.0, 1.0)
+        ):  # fmt: skip
+            derivative(
+                now + at * h, stage, slope, axles, cars, units, brakes, patches, line, effort, retard, curve,
+                scatter, plant,
+            )  # fmt: skip
+            for r in range(y.size):
+                end[r] += share * h * slope[r]
+                stage[r] = y[r] + reach * h * slope[r]
+        if cleaning:
+            clean_rail(end, y, axles, bodies, omega, friction, h, rail, plant)
+        for r in range(y.size):  # what is left of a standstill no processor computes fast
+            y[r] = end[r] if abs(end[r]) > SMALLEST else 0.0
+
+
+# What the oracle and the integrator need to know
+
+
+@jit
+def true_limits(
+    t, y, stages, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, plant, run
+):  # fmt: skip
+    """What each unit and each trailer's brake can carry, now and as far ahead as a torque cannot be changed: the oracle's.
+
+    Writes `unit.truth` and `brake.most`.
+    """
+    bodies, omega, _, _, _ = places(axles, cars, units, brakes, plant)
+    ahead, moved = plant.period, stages[0]
+    for j in range(units.size):
+        units[j].truth = math.inf
+        ahead = max(ahead, plant.period + 2.0 * units[j].lag)
+    for g in range(brakes.size):
+        brakes[g].most = math.inf
+    for reach in (ahead, 0.0):
+        for r in range(y.size):
+            moved[r] = y[r]
+        for b in range(bodies):
+            moved[b] += reach * y[bodies + b]
+        derivative(
+            t + reach, moved, stages[1], axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, plant
+        )  # fmt: skip
+        for i in range(axles.size):
+            a = axles[i]
+            speed = y[bodies + a.body]
+            most, place = top(plant.curve_number, curve, speed, a.offered, a.contact)
+            load = law.axle_load(a.static_load, a.unloading, cars[a.car].force)
+            carried = (USED_BY_AIR if run.braking else USED) * most * load
+            if run.sign * (a.radius * y[omega + i] - speed) > 1.05 * place:
+                carried = min(carried, BACK * run.sign * a.rail_force)
+            if a.unit >= 0:
+                units[a.unit].truth = min(units[a.unit].truth, carried)
+            elif a.brake >= 0:
+                brakes[a.brake].most = min(brakes[a.brake].most, carried)
+    for j in range(units.size):  # a part turns the wheelsets, as the train goes, not as planned
+        u = units[j]
+        turning = u.inertia / u.radius**2 * run.sign * run.acceleration
+        share = 1.0 + (u.brake_turning if run.braking else u.turning)
+        u.truth = max(u.truth + turning, 0.0) / (share * u.load)
+
+
+def find_rates(
+    axles: Rows, cars: Rows, units: Rows, brakes: Rows, curve: Any, most: float, plant: Any
+) -> float:
+    """Write the rates that bound a step, `plant.rate` and `plant.contact_rate`; the shortest step that they ask for [s].
+
+    `most`: the greatest coefficient that the rail offers anywhere.
+    """
+    slope = steepest(plant.curve_number, curve, most, axles.contact.max())
+    carried = slope * axles.static_load
+    rigid = plant.body_mass > 0.0
+    mass = np.full(1, plant.body_mass) if rigid else cars.mass
+    wheel, body = axles.radius**2 / axles.inertia, np.bincount(axles.body, carried, mass.size)
+    plant.contact_rate, rates = (carried * wheel).max() + (body / mass).max(), [0.0]
+    if units.size:
+        on_shaft = np.where(axles.unit >= 0, units.slip_torque[axles.unit] * axles.gear**2, 0.0)
+        rates += [1.0 / units.lag.min(), (on_shaft / axles.inertia).max()]
+    if brakes.size:
+        quickest = min(brakes.fill_time.min(), brakes.release_time.min())
+        rates += [1.0 / laws.LOCK_TIME, 1.0 / quickest]
+    if not rigid and cars.size > 1:
+        inverse = (1.0 / mass[:-1] + 1.0 / mass[1:]).max()
+        stiffest = (cars.stiffness + 3.0 * cars.stiffening * STROKE**2).max()
+        rates += [2.0 * cars.damping.max() * inverse, math.sqrt(2.0 * stiffest * inverse)]
+    plant.rate = max(rates)
+    return min(float(plant.step), STABLE / max(plant.rate, plant.contact_rate))

@@ -1,0 +1,272 @@
+"""The record of a run: rows of every control instant, which are the train's memory too, and the `xarray.Dataset` of them.
+
+Names, units and meanings of its variables are those of the recorded columns (`alloc.onboard.columns`). Axles, cars and units
+are counted from 1 at the front.
+"""
+
+import errno
+import os
+import platform
+import shutil
+import threading
+from collections.abc import Iterator
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from alloc.files import write_whole
+from alloc.onboard.columns import AXLE, BRAKE, CAR, RUN, UNIT
+from alloc.plant.curves import tops
+from alloc.run.world import World
+from alloc.schema.errors import InputError, UnsoundRun
+from alloc.schema.tables import Rows, words
+
+if TYPE_CHECKING:
+    from alloc.run.event import Event
+
+
+class Recording(NamedTuple):
+    """Recorded rows (ticks, rows), and their memory in words of 8 bytes beside that of the rows as they are now.
+
+    A late telegram, a cylinder's dead time, a delayed computation is a look-up in it.
+    """
+
+    axles: Rows
+    cars: Rows
+    units: Rows
+    brakes: Rows
+    run: Rows
+    kept: tuple[NDArray[np.int64], ...]
+    live: tuple[NDArray[np.int64], ...]
+
+
+_TABLES = (AXLE, CAR, UNIT, BRAKE, RUN)
+
+
+def room(w: World) -> Recording:
+    """Room for the record of a run."""
+    live = w.axles, w.cars, w.units, w.brakes, w.run
+    tables = zip(_TABLES, live, strict=True)
+    rows = [table.record(w.command.size, one.size) for table, one in tables]
+    made: Any = *rows, tuple(map(words, rows)), tuple(map(words, live))
+    return Recording(*made)
+
+
+# the recorded run
+
+Entry = tuple[str, tuple[str, ...], Any, str, str]
+"""Name of a variable, its dimensions, values, unit, meaning."""
+
+
+def dataset(
+    event: "Event", rule: str, controller: str, w: World, record: Recording, ended: int, wall_time: float
+) -> xr.Dataset:  # fmt: skip
+    """The recorded run of `ended` ticks; raises `UnsoundRun` where the state has become no number."""
+    period = event.onboard.period
+    if not np.isfinite(w.state).all():
+        since = int(np.argmin(np.isfinite(record.run.speed[:ended, 0]))) * period
+        told = f"the state is no number from {since:g} s on"
+        raise UnsoundRun(f"event {event.name!r} under {rule} and {controller}: {told}")
+    kept = slice(0, ended, max(1, round(event.record_period / period)))
+    data = {}
+    for name, dims, values, unit, meaning in (*_recorded(record, kept), *_derived(record, kept, w)):
+        about = {"units": unit, "long_name": meaning}
+        # numbers throughout: to look for dates in them would take half of the time
+        data[name] = xr.Variable(dims, np.ascontiguousarray(values), about, fastpath=True)
+    instants = data.pop("time")
+    coordinates = {
+        "time": xr.IndexVariable("time", instants.values, instants.attrs),
+        **_numbers(w.axles.unit.tobytes(), w.axles.car.tobytes(), w.cars.size, w.units.size),
+    }
+    return xr.Dataset(data, coordinates, _attributes(event, rule, controller, w, ended, wall_time))
+
+
+def _recorded(record: Recording, kept: slice) -> Iterator[Entry]:
+    for table, rows in zip(_TABLES, record, strict=False):
+        for name in table.recorded.names:
+            values, column = rows[name][kept], table.columns[name]
+            dims: tuple[str, ...] = "time", table.name
+            if table is RUN:
+                values, dims = values[:, 0], ("time",)
+            if name == "coupler_force":  # behind the last car there is none
+                values, dims = values[:, :-1], ("time", "coupler")
+            yield name, dims, values, column.unit, column.meaning
+
+
+def _derived(record: Recording, kept: slice, w: World) -> Iterator[Entry]:
+    """What follows from the record, and what does not change."""
+    plant, a, units, time = w.plant[0], w.axles, w.units, record.run.time[kept, 0]
+    speed = record.cars.car_speed[kept]
+    # of some curves the top costs more than a step of the plant
+    offered = record.axles.offered[kept], a.contact
+    most, slip = tops(plant.curve_number, w.curve, speed[:, a.car], *offered)
+    about = "true adhesion coefficient: the largest over the slip"
+    yield "adhesion_limit", ("time", "axle"), most, "1", about
+    yield "peak_slip", ("time", "axle"), slip, "m s-1", "slip velocity of that largest"
+    # motors at the train's speed, and as far as the line takes it; 0 from their failure on
+    driven = a.unit >= 0
+    inside = (a.unit[:, None] == np.arange(units.size))[driven]
+    kmh = 3.6 * np.abs(speed[:, a.car[driven]] @ (inside / np.maximum(inside.sum(axis=0), 1)))
+    works, grid = time[:, None] < units.failure, np.arange(w.effort.shape[1])
+    phase = 2.0 * np.pi * time / plant.receptivity_period + plant.receptivity_phase
+    taken = plant.receptivity_mean + plant.receptivity_amplitude * np.sin(phase)
+    for name, limits, part, more in (
+        ("drive_limit", w.effort, np.ones_like(time), "pull with"),
+        ("brake_limit", w.retard, np.clip(taken, 0.0, 1.0), "brake with, as far as the line takes it"),
+    ):  # fmt: skip
+        found = [np.interp(kmh[:, j], grid, limits[j]) for j in range(units.size)]
+        values = np.reshape(found, (units.size, time.size)).T * works * part[:, None]
+        yield name, ("time", "unit"), values, "N m", f"most that each motor can {more}"
+    load = np.bincount(a.unit[driven], a.static_load[driven], units.size)
+    parallel = units.slip_torque > 0.0
+    for table, name, column, values in (
+        (AXLE, "axle_unit", "unit", a.unit), (AXLE, "axle_car", "car", a.car), (AXLE, "axle_group", "brake", a.brake),
+        (AXLE, "axle_contact", "contact", a.contact), (AXLE, "axle_static_load", "static_load", a.static_load),
+        (AXLE, "axle_radius", "radius", a.radius), (UNIT, "unit_gear", "gear", units.gear),
+        (UNIT, "unit_radius", "true_radius", units.true_radius), (CAR, "car_mass", "mass", w.cars.mass),
+    ):  # fmt: skip
+        yield name, (table.name,), values, table.columns[column].unit, table.columns[column].meaning
+    about = "mass that would resist like the turning wheelset"
+    yield "axle_turning_mass", ("axle",), a.inertia / a.radius**2, "kg", about
+    about = "axle load at rest of the unit's axles, summed"
+    yield "unit_static_load", ("unit",), load, "N", about
+    yield "unit_parallel", ("unit",), parallel, "1", "whether its motors share a frequency"
+
+
+@lru_cache(maxsize=16)
+def _numbers(unit: bytes, car: bytes, cars: int, units: int) -> dict[str, xr.Variable]:
+    """Numbers of axles, cars and units; kept for the next run, since indexes take as long as the rest of the dataset."""
+    of_axle, of_car = np.frombuffer(unit, np.int64), np.frombuffer(car, np.int64)
+    counted = {"axle": of_axle.size, "car": cars, "unit": units}
+    found: dict[str, Any] = {
+        name: xr.IndexVariable(
+            name, np.arange(1, n + 1), {"long_name": f"number of the {name}, 1 = foremost"}
+        )
+        for name, n in counted.items()
+    }
+    for name, values, meaning in (
+        ("unit_of_axle", of_axle + 1, "traction unit of the axle, 1 = foremost, 0: none"),
+        ("car_of_axle", of_car + 1, "car of the axle, 1 = foremost"),
+    ):
+        found[name] = xr.Variable("axle", values, {"units": "1", "long_name": meaning})
+    return found
+
+
+def _attributes(
+    event: "Event", rule: str, controller: str, w: World, ended: int, wall_time: float
+) -> dict[str, Any]:
+    run, plant = w.run[0], w.plant[0]
+    return {
+        "event": event.name,
+        "event_hash": event.hash,
+        "seed": event.seed,
+        "rule": rule,
+        "controller": controller,
+        "train": event.train.name,
+        "train_mass": float(w.cars.mass.sum()),
+        "axle_count": w.axles.size,
+        "target_speed": np.nan if event.target_speed is None else event.target_speed,
+        "blended_brakes": int(w.onboard.blended[0]),
+        "rule_calls": int(run.asked),
+        "rule_failures": int(run.rule_faults),
+        "rule_gap": float(run.rule_gap),
+        "controller_calls": ended * w.units.size,
+        "controller_failures": int(w.units.faults.sum()),
+        "curve": int(plant.curve_number),
+        "curve_values": w.curve.copy(),
+        "wall_time_s": wall_time,
+        **provenance(),
+    }
+
+
+@lru_cache(maxsize=1)
+def provenance() -> dict[str, str]:
+    """Versions that a run was made with."""
+    packages = ("readhesion", "numpy", "numba", "casadi", "osqp")
+    found = {f"version_{name}": version(name) for name in packages}
+    return found | {"version_python": platform.python_version()}
+
+
+APART = 5.0, 0.2
+"""How far the front of a train may get from its mean way: slack of couplers [m], and a share of that way."""
+
+
+def check_whole(run: xr.Dataset) -> None:
+    """Raise `InputError` where a run is not as recorded: of a whole train, at all instants, a stretch, or every n-th."""
+
+    def need(fits: Any, told: str) -> None:
+        if not fits:
+            raise InputError(f"run: {told}; evaluate takes whole runs as recorded")
+
+    v = {name: np.asarray(one.values) for name, one in run.variables.items()}
+    car, unit = (v[name].max(initial=0) for name in ("car_of_axle", "unit_of_axle"))
+    counts = {"axle": run.attrs.get("axle_count", v["axle"].size), "car": car, "unit": unit}
+    for name, count in counts.items():
+        whole = np.array_equal(v[name], np.arange(1, count + 1))
+        need(whole, f"{name} has {v[name].size} of {count}, or another order")
+    tables: Any = *(table.rows(1)[None] for table in _TABLES), (), ()
+    for name, dims, usual, of, _ in _recorded(Recording(*tables), slice(None)):
+        if (known := run.variables.get(name)) is not None:
+            kind = known.dtype.name.replace("int32", "int64")  # netCDF 3 has no longer ones
+            stated = known.attrs.get("units", of)
+            for have, want in ((known.dims, dims), (kind, usual.dtype.name), (stated, of)):
+                need(have == want, f"{name} is {have}, not {want}")
+            need(np.isfinite(v[name]).all() or not np.isfinite(usual).all(), f"{name} has gaps")
+    step, way = np.diff(v["time"]), np.trapezoid(v["speed"], v["time"])
+    even = np.append((step > 0.0) & np.isclose(step, step[:1]), v["time"].size > 0)
+    need(even.all(), f"time does not grow by equal steps, first at instant {even.argmin()}")
+    off = abs(v["position"][-1] - v["position"][0] - way)
+    need(off <= APART[0] + APART[1] * abs(way), f"position is {off:g} m from what speed gives")
+    slip = v["rim_speed"] - v["car_speed"].take(v["axle_car"], axis=1, mode="clip")
+    force, mean = v["coefficient"] * v["axle_load"], v["car_speed"] @ v["car_mass"]
+    laws = {"slip_velocity": slip, "rail_force": force, "speed": mean / v["car_mass"].sum()}
+    for name, expected in laws.items():
+        need(np.allclose(v[name], expected), f"{name} does not fit the other variables")
+
+
+# files
+
+_NETCDF = threading.Lock()
+"""The netCDF library keeps state of its own: two threads in it at once crash the interpreter."""
+
+
+def save(run: xr.Dataset, path: Path | str) -> None:
+    """Write a run to netCDF, compressed; `load` reads it whole. Raises `OSError` naming the file.
+
+    Where the ending is `.mat` it is written for MATLAB: a matrix for each variable, and the attributes as a struct.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".mat":
+        from scipy.io import savemat
+
+        content: dict[str, Any] = {str(name): one.values for name, one in run.variables.items()}
+        content["attributes"] = dict(run.attrs)
+        write_whole(path, lambda aside: savemat(aside, content, oned_as="column"))
+        return
+    encoding = {name: {"zlib": True, "complevel": 4} for name, v in run.variables.items() if v.ndim}
+
+    def write(aside: Path) -> None:
+        try:
+            with _NETCDF:
+                run.to_netcdf(aside, engine="netcdf4", encoding=encoding)
+        except RuntimeError:  # the library does not say that the disk is full
+            if shutil.disk_usage(aside.parent).free > run.nbytes:
+                raise
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from None
+
+    write_whole(path, write)
+
+
+def load(path: Path | str) -> xr.Dataset:
+    """Read a run written by `save`; raises `OSError` that names the file."""
+    with _NETCDF, xr.open_dataset(path, engine="netcdf4", decode_times=False) as stored:
+        run = stored.load()
+    plain = {
+        key: one.item() if isinstance(one, np.generic) else one for key, one in run.attrs.items()
+    }
+    return run.assign_attrs(plain)  # netCDF gives numbers as NumPy's

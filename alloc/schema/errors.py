@@ -1,0 +1,100 @@
+"""Errors, each of one line that names the thing and says what to do."""
+
+import linecache
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from difflib import get_close_matches
+from inspect import unwrap
+from pathlib import Path
+from traceback import walk_tb
+from typing import Any
+
+
+class InputError(ValueError):
+    """The input is impossible; the message names it and says what to do."""
+
+    fault: str = ""
+    """The message of a record without the name of the record."""
+    part, misspelt = "", False
+    """What the message is `blamed_on`; whether its code has a name that does not exist, or cannot be compiled."""
+
+
+class PlantError(InputError):
+    """A parameter of train, rail or line is impossible."""
+
+
+class OnboardError(InputError):
+    """A parameter of the computers on board is impossible."""
+
+
+class SimulationError(InputError):
+    """A run cannot be made as asked."""
+
+
+class AllocationError(InputError):
+    """A rule got an impossible problem; the message names the field, its value and what to do."""
+
+
+class EstimationError(InputError):
+    """Data or a parameter of an estimation is impossible."""
+
+
+class UnsoundRun(ArithmeticError):
+    """A run or a metric of it broke a law that all keep: a fault of the program, and its numbers count for nothing."""
+
+
+NOT_USERS = (
+    *(str(Path(__file__).parents[2] / name) + os.sep for name in ("alloc", "mpc", "studies")),
+    str(Path(os.__file__).parent), "<frozen", "<string>",
+)  # fmt: skip
+"""How names of files begin that are this project's, or Python's and its libraries'."""
+
+
+@contextmanager
+def blamed_on(part: str, function: Any = None) -> Iterator[None]:
+    """Raise what goes wrong within as an `InputError` of one line: `part`, file and line, reason, and the nearest name.
+
+    The line is the user's last that the error came through; without one, of `function` that with the missing name, or the
+    first.
+    """
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        if getattr(error, "part", ""):
+            raise
+        plain = unwrap(getattr(function, "func", function))
+        code = getattr(plain, "__code__", None) or getattr(type(plain).__call__, "__code__", None)
+        start = [(code.co_filename, code.co_firstlineno)] if code else []
+        traces = getattr(error.__context__, "__traceback__", None), error.__traceback__
+        before, frames = ([(one.f_code.co_filename, at) for one, at in walk_tb(x)] for x in traces)
+        places = [*before, *start, *frames]
+        compiles = any(f"{os.sep}numba{os.sep}" in path for path, _ in frames)
+        own = [at for at in places if not at[0].startswith(NOT_USERS) and "-packages" not in at[0]]
+        file, line = own[-1] if own else ("", 0)
+        text, missing = " ".join(str(error).split()) or "no message", None
+        if "NoneType" not in text and (compiles or isinstance(error, NameError | AttributeError)):
+            missing = re.search(r"(?:attribute|name) '?(\w+)|^'(\w+)'$", text)
+        if missing:
+            from alloc.onboard.columns import AXLE, RUN, UNIT
+
+            name, lines = missing[1] or missing[2], linecache.getlines(file)
+            searched = (
+                [*range(line, len(lines) + 1), *range(1, line)] if own[-1:] == start != [] else []
+            )
+            line = next((k for k in searched if re.search(rf"\b{name}\b", lines[k - 1])), line)
+            known = {*dir(getattr(error, "obj", None)), *re.findall(r"\w+", "".join(lines))}
+            known.update(*(table.columns for table in (AXLE, RUN, UNIT)))
+            nearest = get_close_matches(name, known - {name}, 1, 0.7)
+            text += f"; did you mean {nearest[0]!r}?" if nearest else ""
+        elif compiles:
+            text = f"{text:.300}; without the decorator Python serves it"
+        kind: Any = type(error) if isinstance(error, InputError) else InputError
+        what = "fault" if kind is type(error) else type(error).__name__
+        place = f" of {file}" * (file not in part) + f": {what} in line {line}" if own else ""
+        text = f"{what}: {text}" if not own and kind is not type(error) else text
+        named = kind(f"{part}{place}: {text}")
+        named.fault, named.part = getattr(error, "fault", ""), part
+        named.misspelt = compiles or missing is not None
+        raise named from error

@@ -1,0 +1,111 @@
+"""Tables: one row per axle, car, unit, brake, patch; a column is declared once, with default, unit, meaning, source.
+
+From a column follow the memory of compiled code, a variable of the recorded run, and an entry of the page of quantities.
+Rows are read by name everywhere: `units[j].limit` in compiled and in plain code, `units.limit` in NumPy.
+"""
+
+from collections.abc import Sequence
+from dataclasses import MISSING, dataclass, fields
+from typing import Any
+
+import numpy as np
+from numba import from_dtype
+from numpy.typing import NDArray
+
+from alloc.schema.parameters import meanings
+from alloc.schema.units import UNITS
+
+Rows = Any
+"""A `numpy.recarray` of a table; a row's columns are attributes of it."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A quantity of a table. A whole number as `default` makes it integer, several numbers make it an array."""
+
+    default: float | int | tuple[float, ...]
+    unit: str
+    """As CF writes it; "1": a pure number."""
+    meaning: str
+    recorded: bool = False
+    """Whether a run's record has it; such a column is a variable of the recorded run, under its own name."""
+    source: str = ""
+    """Document and equation."""
+
+
+class Table:
+    """A kind of thing. Recorded columns stand first in a row, so a row's record is its first words.
+
+    `dtype`: of a row; `recorded`: of its recorded columns alone. `row`, `recorded_row`, `type`: Numba's types of a row, of a
+    recorded row, and of an array of rows. Raises `TypeError` for a column named like an attribute of NumPy's rows: plain
+    Python would read the attribute in its place.
+    """
+
+    def __init__(self, name: str, **columns: Column) -> None:
+        for key in columns:
+            if hasattr(np.record, key):
+                raise TypeError(f"{name}: no column can be called {key}; rows have that attribute")
+        self.name = name
+        self.columns = dict(sorted(columns.items(), key=lambda one: not one[1].recorded))
+        fields: list[Any] = [
+            (key, np.int64 if isinstance(one.default, int) else np.float64, np.shape(one.default))
+            for key, one in self.columns.items()
+        ]
+        told = [one for one in fields if columns[one[0]].recorded]
+        self.dtype: Any = np.dtype((np.record, fields))
+        self.recorded: Any = np.dtype((np.record, told))
+        self.row, self.recorded_row = from_dtype(self.dtype), from_dtype(self.recorded)
+        self.type = self.row[::1]
+
+    def rows(self, n: int, **values: Any) -> Rows:
+        """`n` rows with these values, the others as declared; raises `TypeError` for an unknown column."""
+        if unknown := [key for key in values if key not in self.columns]:
+            raise TypeError(f"{self.name}: no column {', '.join(unknown)}")
+        made: Any = np.recarray(n, self.dtype)
+        for key, column in self.columns.items():
+            made[key] = values.get(key, column.default)
+        return made
+
+    def of(self, records: Sequence[Any]) -> Rows:
+        """A row for each record."""
+        made = self.rows(len(records))
+        for row, one in zip(made, records, strict=True):
+            put(row, one)
+        return made
+
+    def record(self, ticks: int, n: int) -> Rows:
+        """Room for what is recorded of `n` rows at every instant, (ticks, n)."""
+        return np.zeros((ticks, n), self.recorded).view(np.recarray)
+
+
+def columns_of(kind: type, *names: str, prefix: str = "") -> dict[str, Column]:
+    """Columns of the numbers and flags of a record, by the names of its fields behind `prefix`; what may be left out is 0.
+
+    `names`: of the fields; none: of all that files may set.
+    """
+    said, si = meanings(kind), {unit.symbol: unit.si for unit in UNITS}
+    found = {}
+    for one in fields(kind):
+        unit = one.metadata.get("unit", "1" if one.type is bool else None)
+        if unit is None or (names and one.name not in names):
+            continue
+        value = 0.0 if one.default is MISSING or one.default is None else one.default
+        about, _, _ = said[one.name].text.partition(". ")
+        number = int(value) if isinstance(value, bool) else value
+        source = said[one.name].source
+        found[prefix + one.name] = Column(number, si[unit], about.rstrip("."), source=source)
+    return found
+
+
+def put(row: Any, record: Any, prefix: str = "") -> None:
+    """Write the fields of a record into the columns that have their names, behind `prefix`."""
+    for one in fields(record):
+        value = getattr(record, one.name)
+        if (name := prefix + one.name) in row.dtype.names and value is not None:
+            row[name] = value
+
+
+def words(rows: Rows) -> NDArray[np.int64]:
+    """The memory of rows, row by row in words of 8 bytes; compiled code copies records with it."""
+    view: NDArray[np.int64] = np.asarray(rows).view(np.int64)
+    return view.reshape(*rows.shape, rows.dtype.itemsize // 8)

@@ -1,0 +1,578 @@
+"""The command `readhesion`.
+
+Exit codes: 0; 1 where all runs failed, a law is broken or a worker was lost; 2 for bad input; 130 and 143 where it was
+stopped by a signal.
+"""
+
+import io
+import json
+import os
+import shutil
+import signal
+import sys
+import warnings
+from collections.abc import Sequence
+from contextlib import nullcontext
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from textwrap import fill
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
+
+from alloc.schema.errors import InputError, UnsoundRun, blamed_on
+from studies import StudyError, WorkerLost
+from studies.command.options import (
+    SWEEP,
+    WORK,
+    Count,
+    Flag,
+    Json,
+    Names,
+    Seed,
+    Sweep,
+    Work,
+    check_file,
+)
+
+if TYPE_CHECKING:  # a command imports what it needs: the help is there at once
+    import pandas as pd
+
+    from studies.runner.study import Study
+
+FAILED, BAD_INPUT, UNREAD = 1, 2, 141
+LONGEST = 1500
+"""Letters of a message; what was given may be longer."""
+
+app = App(
+    name="readhesion",
+    help="How a train of many cars should share adhesion when its wheels slip.",
+    version=version("readhesion"),
+    help_on_error=False,
+    suppress_keyboard_interrupt=False,
+)
+app.meta.suppress_keyboard_interrupt = False
+RETURNING: Any = {"exit_on_error": False, "print_error": False, "result_action": "return_value"}
+"""The library is to return and to raise, and to print nothing of its own."""
+
+# commands
+
+
+@app.command
+def compare(
+    *,
+    scenario: Names = None,
+    rules: Names = None,
+    controllers: Names = None,
+    seeds: Seed | None = None,
+    work: Sweep = SWEEP,
+) -> int:
+    """Run rules and controllers over the same slip events, and print how well each does.
+
+    Rows that the output folder has are not run again. The exit code is 1 if every run failed.
+
+    Args:
+        scenario: Shipped scenarios or TOML files [default: all that ship but those of faults].
+        rules: Allocation rules [default: all that differ].
+        controllers: Readhesion controllers [default: cut-and-ramp, perturb-observe, mpc].
+        seeds: Number of seeds of every event; the first, 0, is the event as its file says [default: 5].
+    """
+    from studies import compare as comparison
+    from studies.files.scenario import load, remarks
+    from studies.runner.plugins import try_own_parts
+
+    chosen = comparison.grid([load(name) for name in scenario or ()], rules, controllers, seeds)
+    folder = work.out / "compare"
+    if not work.dry_run:
+        for one in chosen.scenarios:
+            _say(*remarks(one.event()))
+        try_own_parts(chosen.rules, chosen.controllers)
+    made = _made(comparison.study_of(chosen), folder, work)
+    if made is None:
+        return 0
+    rows, _ = made
+    if work.as_json:
+        _print_json(comparison.as_json(rows))
+    else:
+        found = comparison.standings(rows)
+        print("\n".join([comparison.answer(found), *comparison.lines(found)]))
+        shown = "" if work.out == Path("results") else f" --results {work.out}"
+        print(f"{_counted(rows)} in {folder}; next: readhesion report{shown}")
+    return 0 if (rows["status"] == "ok").any() else FAILED
+
+
+@app.command
+def simulate(
+    scenario: str,
+    *,
+    rule: str = "cooperative",
+    controller: str = "perturb-observe",
+    seed: Seed | None = None,
+    out: Path | None = None,
+    figure: Path | None = None,
+    every: Annotated[Flag, Parameter("--all")] = False,
+    as_json: Json = False,
+) -> None:
+    """Run one slip event and print its main metrics.
+
+    Args:
+        scenario: Name of a shipped scenario or of a drawn event, as population-65-0002, or a TOML file.
+        rule: Allocation rule.
+        controller: Readhesion controller.
+        seed: Seed of what the event draws; 0 is the event as its file says [default: 0, or a drawn event's number].
+        out: File for the recorded run (netCDF, .nc; MATLAB, .mat).
+        figure: File for a figure of it (pdf, png or svg).
+        every: Print every metric.
+        as_json: Print JSON with every metric instead.
+    """
+    from alloc.evaluation.metrics import METRICS, evaluate
+    from alloc.onboard.controllers.controller import CONTROLLERS
+    from alloc.rules import RULES
+    from alloc.run.recording import save
+    from studies.files.scenario import DRAWN, load, remarks
+    from studies.run_cell import recorded
+    from studies.runner.plugins import try_own_parts
+
+    event = load(scenario)
+    seed = event.first_seed if seed is None else seed
+    RULES.find(rule)
+    CONTROLLERS.find(controller)
+    check_file(out, ".nc", ".mat")
+    check_file(figure, ".pdf", ".png", ".svg")
+    if DRAWN.fullmatch(event.name) is None:
+        _say(*remarks(event.event(seed)))
+    elif seed != event.first_seed:
+        _say(
+            f"seed {seed} draws other errors than the rows of {event.name}, which have seed {event.first_seed}"
+        )
+    try_own_parts([rule], [controller])
+    run = recorded(event, rule, controller, seed)
+    own = {*METRICS} > {*METRICS.shipped()}
+    with blamed_on("metrics") if own else nullcontext():
+        values = evaluate(run)
+    if out is not None:
+        save(run, out)
+    if figure is not None:
+        import paper_figs
+        from paper_figs.event import course
+
+        paper_figs.save(lambda: course(run), figure)
+    if as_json:
+        about = {"scenario": event.name, "rule": rule, "controller": controller, "seed": seed}
+        _print_json({**about, "metrics": values})
+        return
+    shown = HEADLINES if not every else tuple(values)
+    print(f"{event.name}: {rule}, {controller}, seed {seed}")
+    for name in shown:
+        told = "–" if values[name] != values[name] else f"{values[name]:.4g}"
+        unit, meaning = METRICS[name].unit.removeprefix("1"), METRICS[name].description
+        _print_line(f"  {name:19}{told:>9} {unit:6}", meaning)
+    if not every:
+        print(f"  {len(values) - len(shown)} more: --all")
+
+
+HEADLINES = (
+    "bound_use", "headroom", "over_delivery", "acceleration_ratio", "slip_time", "damage", "jerk_rms",
+)  # fmt: skip
+"""Metrics that are printed of a run where not all are asked for."""
+
+
+@app.command
+def sweep(
+    study: str, *, events: Count | None = None, seed: Seed | None = None, work: Sweep = SWEEP
+) -> int:
+    """Ask one question over many events, and print the answer; more events extend fewer.
+
+    Args:
+        study: Name of a study, see `readhesion list studies`, or a Python file that has a STUDY.
+        events: Number of events [default: that of the study].
+        seed: Seed of what is drawn [default: that of the study].
+    """
+    from studies.runner.catalogue import find_study
+
+    found = find_study(study)
+    return _asked(found, work.out / found.name, events, seed, work)
+
+
+@app.command
+def benchmark(
+    *,
+    events: Count | None = None,
+    seed: Seed | None = None,
+    store: Path | None = None,
+    work: Sweep = SWEEP,
+) -> int:
+    """Run all rules and controllers on the population of the benchmark, and print the tables.
+
+    Args:
+        events: Number of events [default: 500].
+        seed: Seed of the population [default: that of the stored rows].
+        store: File for the rows that `readhesion rank` compares with (parquet).
+    """
+    import pandas as pd
+
+    from studies import benchmark as bench
+
+    check_file(store, ".parquet")
+    folder = work.out / "benchmark"
+    code = _asked(bench.STUDY, folder, events, seed, work)
+    if store is not None and not work.dry_run and code == 0:
+        bench.store(pd.read_parquet(folder / "rows.parquet"), store)
+    return code
+
+
+@app.command
+def rank(
+    part: str,
+    *,
+    under: str = "perturb-observe",
+    events: Count | None = None,
+    work: Sweep = SWEEP,
+) -> int:
+    """Run a rule or a controller of your own on the benchmark, and print its place.
+
+    Only this part is run; the others' rows are stored.
+
+    Args:
+        part: Python file that registers rules or controllers, or the name of one.
+        under: Controller under which a rule is run: cut-and-ramp, perturb-observe or mpc.
+        events: Number of events, the first [default: all 500].
+    """
+    from studies import benchmark as bench
+
+    said = {}
+    for pair in bench.pairs_of(part, under):
+        study = bench.own_study(*pair)
+        made = _made(study, work.out / study.name, work, events)
+        if made is None:
+            continue
+        rows, tables = made
+        if not tables:
+            return _all_failed(study, rows)
+        if work.as_json:
+            said[bench.named(*pair)[0]] = tables
+        else:
+            print("\n".join(bench.told(pair, tables)))
+            print(f"{_counted(rows)} in {work.out / study.name}")
+    if work.as_json:
+        _print_json(said)
+    if bench.is_stale():
+        _say(
+            "the stored rows are of other sources of alloc or mpc; readhesion benchmark computes them anew"
+        )
+    return 0
+
+
+def _asked(study: "Study", folder: Path, events: int | None, seed: int | None, work: Sweep) -> int:
+    """Run a study and print its tables; the exit code."""
+    from studies.runner.study import markdown
+    from studies.statistics import told
+
+    made = _made(study, folder, work, events, seed)
+    if made is None:
+        return 0
+    rows, tables = made
+    if not tables:
+        return _all_failed(study, rows)
+    if work.as_json:
+        _print_json(tables)
+    else:
+        shown = [told(one) if kind == "statements" else one for kind, one in tables.items()]
+        print("\n".join([study.question, "", *map(markdown, shown)]))
+        written = "tables and figure" if study.figure else "tables"
+        print(f"{_counted(rows)}, {written} in {folder}")
+    return 0
+
+
+def _all_failed(study: "Study", rows: "pd.DataFrame") -> int:
+    _say(f"all of {study.name} failed: {rows['reason'].iloc[0]}")
+    return FAILED
+
+
+@app.command
+def figures(
+    *names: str,
+    source: str | None = None,
+    results: Path = Path("results"),
+    out: Path = Path("figures"),
+    kind: Annotated[Literal["pdf", "png", "svg"], Parameter("--format")] = "pdf",
+    work: Work = WORK,
+) -> None:
+    """Draw the figures of the papers, each with its caption beside it.
+
+    A figure of a study shows the rows of its last sweep. Where there are none, the sweep is run for a
+    figure that is asked for by name or source; among all figures it is left out.
+
+    Args:
+        names: Figures [default: all]; `readhesion list figures` names them.
+        source: Those of one document: jp5484215, jp4209318, rtri, readhesion_paper or jph07322414.
+        results: Folder of the studies' rows.
+        out: Folder for the figures.
+        kind: Format of the files.
+    """
+    import paper_figs
+    from studies.runner.catalogue import find_study
+
+    chosen = paper_figs.chosen_figures(names, source)
+    for study in sorted({one.study for one in chosen.values() if one.study}):
+        folder = results / study
+        if (folder / "rows.parquet").is_file():
+            continue
+        if not names and source is None:
+            command = study if study == "compare" else f"sweep {study}"
+            print(f"left out for want of rows: those of readhesion {command}")
+            chosen = {name: one for name, one in chosen.items() if one.study != study}
+        elif study == "compare":
+            raise StudyError(f"there are no rows in {folder}; run readhesion compare first")
+        else:
+            print(f"{study}: " * work.dry_run, end="")
+            _made(find_study(study), folder, work)
+    if work.dry_run:
+        print(f"{len(chosen)} figures to draw")
+        return
+    for path in paper_figs.draw(chosen, results, out, kind):
+        _print_line(f"{path}: ", chosen[path.stem].caption)
+
+
+@app.command(name="list")
+def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
+    """Name what there is: scenarios, rules, controllers, curves, trains, studies, figures, metrics.
+
+    Args:
+        kind: One of these kinds alone.
+        as_json: Print JSON instead.
+    """
+    import paper_figs
+    from studies.files.toml_keys import near
+    from studies.runner.catalogue import KINDS
+
+    figures = paper_figs.all_figures
+    kinds = KINDS | {"figures": lambda: {name: one.caption for name, one in figures().items()}}
+    if kind not in (None, *kinds):
+        raise StudyError(f"unknown kind {kind!r}{near(str(kind), kinds)}")
+    found = {name: names() for name, names in kinds.items() if kind in (None, name)}
+    if as_json:
+        _print_json(found)
+        return
+    for title, names in found.items():
+        print(f"{title}:")
+        for name, words in names.items():
+            _print_line(f"  {name:21} ", words)
+
+
+@app.command
+def check(name: str, *, tolerance: float = 1e-6, as_json: Json = False) -> int:
+    """Try the laws of rules, controllers or curves on one of them; the exit code is 1 if it breaks one.
+
+    Args:
+        name: Name of the part, one of a plug-in too.
+        tolerance: Amount by which a law may be broken, as a share of the plan.
+        as_json: Print JSON instead.
+    """
+    from alloc.conformance import check_part
+    from alloc.rules.conformance import BrokenLaw
+    from studies.runner.plugins import try_own_parts
+
+    if not 0.0 <= tolerance < float("inf"):
+        raise StudyError(f"--tolerance {tolerance:g}: give a finite number of 0 or more")
+    try_own_parts([name], [name])
+    broken: list[str] = []
+    try:
+        verdicts = check_part(name, tolerance)
+    except BrokenLaw as error:
+        verdicts, broken = error.verdicts, error.broken
+    if as_json:
+        _print_json(verdicts)
+    else:
+        print(*verdicts.values(), sep="\n")
+    _say(*broken)
+    return FAILED if broken else 0
+
+
+@app.command
+def report(
+    *, results: Path = Path("results"), out: Path = Path("report.html"), events: Names = None
+) -> None:
+    """Write the last comparison as one page that opens offline: answer, tables, and replays of events.
+
+    Args:
+        results: Folder of the comparison.
+        out: HTML file.
+        events: Scenarios that are replayed [default: the three in which rules differ most].
+    """
+    from studies.command.report import write
+
+    check_file(out, ".html")
+    write(results / "compare", out, events or ())
+    print(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
+
+
+@app.command
+def schema(kind: Literal["scenario", "train"] = "scenario", *, out: Path | None = None) -> None:
+    """Print the JSON schema of a kind of file: every key with its unit, meaning and default.
+
+    Args:
+        kind: What the file describes.
+        out: File to write instead.
+    """
+    from alloc.files import write_whole
+    from studies.files import scenario
+
+    text = json.dumps(scenario.schema(kind), indent=1, allow_nan=False) + "\n"
+    check_file(out, ".json")
+    if out is None:
+        print(text, end="")
+    else:
+        write_whole(out, partial(Path.write_text, data=text, encoding="utf-8"))
+
+
+@app.command
+def new_scenario(name: str, *, like: str = "wet-start", out: Path = Path()) -> None:
+    """Write a scenario file that runs as it stands, with the schema by which editors complete keys.
+
+    Args:
+        name: Name of the scenario; the file is NAME.toml.
+        like: Scenario that it begins as: one that ships, or a TOML file.
+        out: Folder for both files.
+    """
+    from studies.files import scenario
+
+    path = scenario.new_scenario(name, like, out)
+    print(f"{path} runs as it stands: readhesion simulate {path}")
+
+
+@app.command
+def cite(*, as_bibtex: Annotated[Flag, Parameter("--bibtex")] = False) -> None:
+    """Print how to cite this software, and the publications that it is based on.
+
+    Args:
+        as_bibtex: As BibTeX.
+    """
+    from studies.command.citations import CITATIONS
+
+    for one in CITATIONS:
+        print(one.bibtex if as_bibtex else f"{one.words} {one.address}".strip())
+
+
+# what commands share
+
+
+def _made(
+    study: "Study", folder: Path, work: Work, events: int | None = None, seed: int | None = None
+) -> "tuple[pd.DataFrame, dict[str, pd.DataFrame]] | None":
+    """The rows of a study and its tables, written with its figure; of a dry run None, and a forecast."""
+    from paper_figs import styled
+    from studies.runner.study import cores, missing, run_study, write_results
+
+    jobs = work.jobs or cores()
+    if work.dry_run:
+        cells, lacking, seconds = missing(study, folder, events, seed)
+        told = ": no stored run says how long one takes" if lacking else ""
+        if lacking and seconds == seconds:
+            minutes, rest = divmod(round(lacking * seconds / jobs), 60)
+            told = f": about {minutes} min {rest} s in {jobs} processes"
+        print(f"{cells} runs, of which {lacking} are to be made{told}")
+        return None
+    given = jobs, work.scheduler, work.retry_failed
+    rows = run_study(study, folder, events, seed, *given, quiet=False)
+    with styled():
+        return rows, write_results(study, rows, folder)
+
+
+def _counted(rows: "pd.DataFrame") -> str:
+    bad = rows.loc[rows["status"] != "ok", "status"].value_counts()
+    return f"{len(rows)} rows" + "".join(f", {n} {status}" for status, n in bad.items())
+
+
+def _print_json(value: object) -> None:
+    """A table as its rows; what is not finite, which JSON does not know, as null."""
+    text = json.dumps(value, default=lambda table: json.loads(table.to_json(orient="records")))
+    print(json.dumps(json.loads(text, parse_constant=lambda _: None), indent=1, allow_nan=False))
+
+
+def _print_line(head: str, text: str) -> None:
+    """At a terminal in as many lines as `text` needs beside `head`."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
+    print(fill(text, width, initial_indent=head, subsequent_indent=" " * min(len(head), 38)))
+
+
+def _say(*messages: str) -> None:
+    """Each in one line on stderr."""
+    for message in messages:
+        line = " ".join(message.split())
+        if len(line) > LONGEST:
+            line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+        print(f"readhesion: {line}", file=sys.stderr)
+
+
+# the whole
+
+
+@app.meta.default
+def launch(
+    *tokens: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
+    plugin: Annotated[list[Path] | None, Parameter(negative_iterable=())] = None,
+) -> Any:
+    """Run a command, after loading plug-ins.
+
+    Args:
+        plugin: Python file that registers rules, controllers, curves or metrics, or a train as TOML; may be given again.
+    """
+    if plugin:
+        from studies.runner.plugins import load_plugins
+
+        load_plugins(plugin)
+    return app(tokens, **RETURNING)
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns the exit code. What goes wrong is one line on stderr."""
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: _say(str(message))
+            code = app.meta(arguments, **RETURNING)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
+    except BrokenPipeError:
+        # nobody reads on, as after `| head`: what is still to be printed goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return UNREAD
+    except UnusedCliTokensError as error:
+        words = ", ".join(map(repr, error.unused_tokens or ()))
+        _say(f"{words}: no option takes this; --help has the options")
+    except (CycloptsError, InputError) as error:
+        _say(str(error))
+    except OSError as error:
+        named = error.filename is not None and error.strerror
+        _say(f"file {str(error.filename)!r}: {error.strerror}" if named else str(error))
+    except (UnsoundRun, WorkerLost) as error:
+        _say(str(error))
+        return FAILED
+    return BAD_INPUT
+
+
+def _stop(number: int, frame: object) -> None:
+    raise KeyboardInterrupt(number)
+
+
+def main() -> None:
+    """Run the command and exit."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal may know plain letters only
+    signals = (signal.SIGINT, signal.SIGTERM)
+    for number in signals:
+        signal.signal(number, _stop)
+    try:
+        code = run()
+    except KeyboardInterrupt as stopped:
+        code = 128 + (stopped.args[0] if stopped.args else signal.SIGINT)
+        _say("; ".join(["stopped", *getattr(stopped, "__notes__", ())]))
+    for number in signals:  # nothing is left to stop
+        signal.signal(number, signal.SIG_IGN)
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,252 @@
+"""The last comparison as one page that opens offline: answer, forests, numbers, events, replays, sources.
+
+Python gives tables and data to the template `report.html`. Plotly's JavaScript draws; the page holds it.
+"""
+
+from collections.abc import Iterable, Sequence
+from functools import partial
+from html import escape
+from inspect import getsource
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from alloc.evaluation import metrics
+from alloc.evaluation.metrics import METRICS
+from alloc.files import write_whole
+from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.plant import curves
+from alloc.rules import RULES
+from alloc.run.recording import provenance
+from studies.command.citations import uses
+from studies.compare import EFFORT, REFERENCE, Standing, answer, by_controller, informed, standings
+from studies.files.scenario import Scenario, load, near, shipped
+from studies.run_cell import recorded
+from studies.runner.study import StudyError
+
+SHOWN_EVENTS = 3
+"""Events that are replayed where nobody names them."""
+FRAMES = 100
+"""Instants of a replay, at most."""
+MOST_NUMBERS = 1_300_000
+"""In all replays together, about 5 bytes each: with plotly's 4.8 MB the page stays below 12 MB."""
+
+
+def write(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
+    """Write the page of the comparison whose rows are in `folder` to `out`, with replays of `events`.
+
+    Events are scenarios that ship, or TOML files. Raises `StudyError` where there is no comparison, where a part of it is
+    not registered, or where jinja2 or plotly is missing.
+    """
+    try:
+        from jinja2 import Environment, StrictUndefined
+        from markupsafe import Markup
+        from plotly.offline import get_plotlyjs
+    except ImportError:
+        needs = "a report needs jinja2 and plotly: pip install 'readhesion[report]'"
+        raise StudyError(needs) from None
+    rows = _rows(folder)
+    found = standings(rows)
+    laws = by_controller(found)
+    replays, left_out = _replays(rows, found, laws, _replayed(rows, events))
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # names in our order
+    text = environment.from_string(Path(__file__).with_suffix(".html").read_text("utf-8")).render(
+        plotly=Markup(get_plotlyjs()),
+        reference=REFERENCE if REFERENCE in rows["rule"].values else "",
+        answer=answer(found).splitlines(),
+        about={kind: rows[kind].nunique() for kind in ("scenario", "rule", "controller", "seed")},
+        runs=len(rows),
+        forests=[_forest(law, own) for law, own in laws.items()],
+        told=informed([one.rule for one in found]),
+        numbers=Markup(_numbers(found)),
+        metrics=Markup(_metrics(rows)),
+        failed=Markup(_failed(rows)),
+        events={law: Markup(_by_event(rows[rows["controller"] == law])) for law in laws},
+        replays=replays,
+        left_out=left_out,
+        computed=pd.to_datetime(rows["batch"].max()).strftime("%d %B %Y, %H:%M UTC"),
+        made=provenance(),
+        sources=_sources(found),
+    )
+    write_whole(out, partial(Path.write_text, data=text, encoding="utf-8"))
+
+
+def _rows(folder: Path) -> pd.DataFrame:
+    path = folder / "rows.parquet"
+    if not path.is_file():
+        raise StudyError(f"{folder} has no comparison: run readhesion compare first")
+    rows = pd.read_parquet(path)
+    for kind, known in (("rule", list(RULES)), ("controller", list(CONTROLLERS))):
+        for name in rows[kind].unique():
+            if name not in known:
+                raise StudyError(
+                    f"the {kind} {name!r} of this comparison is not registered: "
+                    "run readhesion --plugin FILE report with the file that registers it"
+                )
+    if not (rows["status"] == "ok").any():
+        raise StudyError(f"every run of {folder} failed, such as by: {rows['reason'].iloc[0]}")
+    return rows
+
+
+# tables and forests
+
+
+def _forest(law: str, found: Sequence[Standing]) -> dict[str, Any]:
+    """Gains over the reference [points] under a controller, for the page to draw; the best last, which is on top."""
+    own = [one for one in found if one.rule != REFERENCE][::-1]
+    ends = [(one.gain.low, one.gain.high) if one.gain.low < one.gain.high else one.gain[:1] * 2
+            for one in own]  # fmt: skip
+    return {
+        "controller": law,
+        "labels": [escape(one.name) for one in own],  # plotly reads labels as HTML
+        "gain": [100.0 * one.gain.value for one in own],
+        "less": [100.0 * (one.gain.value - low) for one, (low, _) in zip(own, ends, strict=True)],
+        "more": [100.0 * (high - one.gain.value) for one, (_, high) in zip(own, ends, strict=True)],
+        "colours": [RULES[one.rule].colour for one in own],
+        "symbols": ["circle-open" if one.mark else "circle" for one in own],
+    }
+
+
+def _numbers(found: Sequence[Standing]) -> str:
+    """Standings in words that sort by their first number."""
+    return _table(pd.DataFrame([{
+        "rule": one.name,
+        "controller": one.controller,
+        "bound used [%]": one.used.text(1, 100.0),
+        f"points over {REFERENCE}": one.gain.text(2, 100.0, sign=True),
+        "wheel damage [kJ]": one.damage.text(1, sign=True),
+        "slip [axle s]": one.slip.text(1, sign=True),
+        "beyond the plan [%]": f"{100.0 * one.over:.2f}",
+    } for one in found]))  # fmt: skip
+
+
+def _metrics(rows: pd.DataFrame) -> str:
+    """Mean of every metric over the runs that succeeded."""
+    good = rows[rows["status"] == "ok"]
+    names = [name for name in METRICS if name in good and good[name].notna().any()]
+    means = good.groupby(["rule", "controller"], sort=False)[names].mean().reset_index()
+    titles = {name: f"{name} [{METRICS[name].unit}]" for name in names}
+    return _table(means.rename(columns=titles), float_format="{:.4g}".format)
+
+
+def _failed(rows: pd.DataFrame) -> str:
+    bad = rows[rows["status"] != "ok"]
+    causes = bad.groupby(["rule", "controller", "status", "reason"], sort=False).size()
+    return "" if bad.empty else _table(causes.reset_index(name="runs"))
+
+
+def _by_event(rows: pd.DataFrame) -> str:
+    """Bound used [%] by the reference, and points that the others add, event by rule; the best rule first."""
+    good = rows[rows["status"] == "ok"]
+    used = 100.0 * good.pivot_table(index="scenario", columns="rule", values=EFFORT, sort=False)
+    used = used[used.mean().sort_values(ascending=False).index]
+    if REFERENCE in used:
+        base = used.pop(REFERENCE)
+        others = used.sub(base, axis=0).map(_tinted)
+        used = pd.concat([base.map("{:.1f}".format), others], axis=1)
+    used = used.rename(index=escape, columns=escape).rename_axis(columns=None)
+    return _table(used.reset_index(names="event"), escape=False, float_format="{:.1f}".format)
+
+
+def _tinted(points: float) -> str:
+    """A cell, tinted the stronger the more the rule gains or loses; five points have the full tint."""
+    if np.isnan(points):
+        return "–"
+    side, strength = "gain" if points > 0.0 else "loss", min(100.0, 20.0 * abs(points))
+    text = f"{round(points, 1) + 0.0:+.1f}".replace("-", "−")
+    return f'<span class="{side}" style="--strength:{strength:.0f}%">{text}</span>'
+
+
+def _table(data: pd.DataFrame, **options: Any) -> str:
+    return str(data.to_html(index=False, border=0, na_rep="–", justify="inherit", **options))
+
+
+# replays
+
+
+def _replayed(rows: pd.DataFrame, events: Sequence[str]) -> list[Scenario]:
+    """The named events; else those that ship in which the best rule gains most over the reference."""
+    known = [str(one) for one in rows["scenario"].unique()]
+    chosen = [load(name) for name in events]
+    for one in chosen:
+        if one.name not in known:
+            raise StudyError(f"event {one.name!r} is not in this comparison{near(one.name, known)}")
+    good = rows[(rows["status"] == "ok") & rows["scenario"].isin(shipped())]
+    used = good.pivot_table(index="scenario", columns="rule", values=EFFORT)
+    gain = used.max(axis=1) - (used[REFERENCE] if REFERENCE in used else used.min(axis=1))
+    return chosen or [load(str(name)) for name in gain.nlargest(SHOWN_EVENTS).index]
+
+
+def _replays(
+    rows: pd.DataFrame, found: Sequence[Standing], laws: Iterable[str], events: Sequence[Scenario]
+) -> tuple[dict[str, Any], int]:
+    """Event -> its title, and controller -> rule -> run; beside it the number of runs that found no room.
+
+    First the reference, then what cannot be told from the best, then the other rules.
+    """
+    tied, others = ([one.rule for one in found if one.tied == side] for side in (True, False))
+    rules = list(dict.fromkeys([REFERENCE, *tied, *others]))
+    seeds = {one.name: one.first_seed for one in events}
+    good = rows[(rows["status"] == "ok") & (rows["seed"] == rows["scenario"].map(seeds))]
+    stored = good.set_index(["scenario", "controller", "rule"])[EFFORT].to_dict()
+    made: dict[str, Any] = {one.name: {"title": one.title, "runs": {}} for one in events}
+    size, left_out = 0, 0
+    for rule in rules:
+        for event in events:
+            for law in laws:
+                if (event.name, law, rule) not in stored:
+                    continue
+                if size > MOST_NUMBERS:
+                    left_out += 1
+                    continue
+                seen = _seen(recorded(event, rule, law, seeds[event.name]))
+                if abs(seen["used"] - 100.0 * stored[event.name, law, rule]) > 0.1:
+                    told = f"{event.name} under {rule} and {law} is not as its stored row says"
+                    raise StudyError(f"{told}: sources changed; run readhesion compare again")
+                size += sum(one.size for one in seen.values())
+                lists = {name: one.tolist() for name, one in seen.items()}
+                shown = lists | {"colour": RULES[rule].colour}
+                made[event.name]["runs"].setdefault(law, {})[rule] = shown
+    return {name: one for name, one in made.items() if one["runs"]}, left_out
+
+
+def _seen(run: xr.Dataset) -> dict[str, np.ndarray]:
+    """What a replay shows of a run: coefficients of each unit and of all together, (instants, units + 1); slip [km/h].
+
+    Of each axle it is the largest slip until the next instant: no short slip is passed over.
+    """
+    starts = np.arange(0, run.sizes["time"], -(-run.sizes["time"] // FRAMES))
+    at = run.isel(time=starts)
+    own = run["axle_unit"].values[:, None] == np.arange(run.sizes["unit"])
+    member = np.column_stack([own, own.any(axis=1)]).astype(float)
+    load = at["axle_load"].values @ member
+    share = run["unit_static_load"].values / run["unit_static_load"].values.sum()
+    slip = np.maximum.reduceat(3.6 * np.abs(run["slip_velocity"].values), starts)
+    offered = (at["adhesion_limit"].values * at["axle_load"].values) @ member / load
+    return {
+        "used": np.round(100.0 * METRICS[EFFORT].function(run), 1),
+        "time": at["time"].values.round(2),
+        "speed": (3.6 * at["speed"].values).round(1),
+        "offered": offered.round(3),
+        "limit": np.column_stack([at["limit"].values, at["limit"].values @ share]).round(3),
+        "force": (np.abs(at["rail_force"].values @ member) / load).round(3),
+        "slip": slip.round(1),
+    }
+
+
+def _sources(found: Sequence[Standing]) -> list[dict[str, str]]:
+    """Publications that rules, controllers, metrics and curves name, and which of them do."""
+    texts = {"metrics": getsource(metrics), "adhesion curves": getsource(curves)}
+    for one in found:
+        rule, controller = RULES[one.rule], CONTROLLERS[one.controller]
+        sources = [column.source for column in controller.memory.columns.values()]
+        texts[one.rule] = f"{rule.description} {rule.share.__doc__}"
+        texts[one.controller] = f"{controller.meaning} {controller.control.__doc__} {sources}"
+    return [
+        {"words": one.words, "address": one.address, "bibtex": one.bibtex, "by": ", ".join(named)}
+        for one, named in uses(texts).items()
+    ]

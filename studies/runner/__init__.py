@@ -1,0 +1,1 @@
+"""What runs a study: its cells, its rows and their keys, workers, plug-ins."""

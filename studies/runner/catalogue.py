@@ -1,0 +1,55 @@
+"""What there is by name: studies, each a module that is imported when it is asked for, and all that a command takes."""
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+from alloc.evaluation.metrics import METRICS
+from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.plant.curves import CURVES
+from alloc.plant.trains import TRAINS, find_train
+from alloc.rules import RULES
+from studies import StudyError
+from studies.files.scenario import load, near, shipped
+from studies.runner.plugins import load_plugins
+from studies.runner.study import Study
+
+STUDIES = (
+    "benchmark", "tuning", "assumptions", "mpc_parts",
+    "claims", "braking", "learning",  # JP5484215
+    "readhesion_paper", "jp4209318", "rtri", "jph07322414",
+    "measured", "solvers",
+)  # fmt: skip
+
+
+def find_study(name: str) -> Study:
+    """The study of this name, or of a file that has a `STUDY`. Raises `StudyError` where there is none."""
+    if name.endswith(".py"):
+        (module,) = load_plugins([name])
+        found = getattr(module, "STUDY", None)
+        if not isinstance(found, Study):
+            raise StudyError(f"{name}: it has no STUDY, a studies.runner.study.Study")
+        return found
+    plain = name.replace("-", "_")
+    if plain not in STUDIES:
+        kind = "file" if Path(name).suffix else "study"
+        raise StudyError(f"unknown {kind} {name!r}{near(plain, STUDIES)}")
+    study: Study = import_module(f"studies.{plain}").STUDY
+    return study
+
+
+def _trains() -> dict[str, str]:
+    trains = {name: find_train(name) for name in TRAINS}
+    return {name: f"{len(one.cars)} cars, {one.mass / 1e3:.0f} t" for name, one in trains.items()}
+
+
+KINDS: dict[str, Callable[[], dict[str, str]]] = {
+    "scenarios": lambda: {name: load(name).title for name in shipped()},
+    "rules": lambda: {name: one.description for name, one in RULES.items()},
+    "controllers": lambda: {name: one.meaning for name, one in CONTROLLERS.items()},
+    "curves": lambda: {name: str(one.__doc__).partition("\n")[0] for name, one in CURVES.items()},
+    "trains": _trains,
+    "studies": lambda: {name: find_study(name).question for name in STUDIES},
+    "metrics": lambda: {name: f"{one.description} [{one.unit}]" for name, one in METRICS.items()},
+}
+"""Kinds of things that a command takes by name, and what gives their names with a line of meaning."""

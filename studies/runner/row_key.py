@@ -1,0 +1,297 @@
+"""What decides the rows of a cell: its arguments, and the sources behind the function that makes them.
+
+A study is one file, and its table, its figure and its words change more often than what it computes. So of a module of
+`studies` only those definitions count that the function names, and those that these name, wherever they stand. Of `alloc`
+and `mpc` the whole package counts. Comments, docstrings, names of local variables and looks count nowhere in the project. Of
+a user's own file its whole folder counts: what helps it lies beside it.
+
+Of the project the sources count that this process has loaded. Files of users are read anew for each study.
+"""
+
+import ast
+import hashlib
+import json
+import multiprocessing
+import os
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, is_dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from types import CodeType
+from typing import Any
+
+import numpy as np
+
+from alloc.compilation import ROOT
+from alloc.schema.errors import InputError
+from studies import SourcesChanged
+
+OWN, BELOW = "studies", ("alloc", "mpc")
+"""The package whose definitions are followed one by one, and those that count as they are."""
+APART = (
+    "alloc.evaluation.brake_force", "alloc.evaluation.wheel_damage", "alloc.evaluation.series",
+    "alloc.conformance", "alloc.rules.conformance",
+)  # fmt: skip
+"""What of `alloc` no run uses: it counts where a function names it."""
+LIBRARIES = ("numpy", "numba", "llvmlite", "casadi", "osqp", "cvxpy")
+"""Installed packages whose versions count, beside that of Python."""
+DATA = (
+    ".csv", ".toml", ".npy", ".npz", ".mat", ".dat", ".json", ".txt", ".yaml", ".yml", ".ini", ".xml", ".xlsx", ".parquet",
+    ".h5", ".hdf5", ".pkl",
+)  # fmt: skip
+"""Files in the folder of a user's own that it may read; a study's own count where it names them."""
+PASSED_OVER = {"__pycache__", "site-packages", "node_modules", "results", "figures"}
+"""Folders that hold no source of a plug-in: of libraries, and of what the command writes."""
+MOST_FILES = 500
+"""Files of a user's folder; beyond, it is no folder of one plug-in, and reading it all would take long."""
+
+ROWS = "rows.jsonl"
+"""File of a study's folder: a line for each cell that was run, with its key and its rows; it is only added to."""
+
+Name = tuple[str, str]
+"""A module, and a name in it; or a data file."""
+
+
+def key_of(run: Callable[..., Any], args: tuple[Any, ...], sources: tuple[str, ...] = ()) -> str:
+    """Hash of what decides the rows that `run(*args)` gives; `sources`: modules of parts that `args` name."""
+    text = json.dumps([_plain(run), args, decides(run, sources)], default=_plain)
+    return _hash(text)
+
+
+def decides(function: Callable[..., Any], modules: tuple[str, ...] = ()) -> str:
+    """Hash of the sources behind `function` and of `modules`, which are beside it."""
+    code, files = _followed(function, modules)
+    return _hash("\n".join([code, *map(folder_hash, files)]))
+
+
+@cache
+def _followed(function: Callable[..., Any], modules: tuple[str, ...]) -> tuple[str, list[str]]:
+    """Hash of what counts of the project, and the files that count beside it.
+
+    Raises `SourcesChanged` where the project is not what this process has loaded.
+    """
+    if _project() != _LOADED:
+        advice = "start this process again, and of a cluster its workers"
+        raise SourcesChanged(f"{ROOT}: the project was edited since it was loaded; {advice}")
+    seen: dict[Name, str] = {}
+    others = set(modules)
+    left: list[Name] = [(function.__module__, function.__qualname__.partition(".")[0])]
+    while left:
+        module, name = left.pop()
+        if module.partition(".")[0] != OWN:
+            others.add(module)
+        elif (module, name) not in seen:
+            nodes = _definitions(module).get(name, [])
+            seen[module, name] = computed(*nodes)
+            left += [one for node in nodes for one in _named_in(node, module)]
+    files = {one if os.sep in one else str(getattr(sys.modules.get(one), "__file__", None) or "")
+             for one in others if one.partition(".")[0] not in BELOW}  # fmt: skip
+    named = [f"{module}." for module in others]
+    packages = {
+        part for part in (*BELOW, *APART) if any(one.startswith(f"{part}.") for one in named)
+    }
+    packages |= {*APART} if files else set()  # a user's file may import any
+    parts = [seen[one] for one in sorted(seen)]
+    return _hash("\n".join([*parts, *map(_package_hash, sorted(packages))])), sorted(files)
+
+
+@cache
+def _package_hash(name: str) -> str:
+    """Hash of all that a package says, without what stands `APART` in it, and of the libraries below it."""
+    apart = [path_of(part) for part in APART if part != name]
+    folders = {path.parent if path.stem == "__init__" else path for path in apart}
+    files = [path for path in _files_of(name) if not folders & {path, *path.parents}]
+    said = [
+        computed(*_syntax(path).body) if path.suffix == ".py" else path.read_bytes().hex()
+        for path in files
+    ]
+    versions = ["{}.{}".format(*sys.version_info), *map(version, LIBRARIES)]
+    return _hash("\n".join([*versions, *said]))
+
+
+def path_of(module: str) -> Path:
+    """File of a module of the project."""
+    path = ROOT.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def _files_of(name: str) -> list[Path]:
+    path = path_of(name)
+    found = path.parent.rglob("*") if path.stem == "__init__" else [path]
+    return sorted(path for path in found if path.suffix in (".py", *DATA))
+
+
+def _project() -> str:
+    """Hash of the project's files as they are now."""
+    files = [path for name in (OWN, *BELOW) for path in _files_of(name)]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+_LOADED, _prompt = _project(), ""
+
+
+def read_anew() -> None:
+    """A study begins: files of users count as they are now, and what was typed at a prompt is new."""
+    global _prompt
+    _prompt = os.urandom(8).hex()
+    folder_hash.cache_clear()
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _plain(value: Any) -> Any:
+    """What JSON can say of an argument."""
+    if callable(value):
+        return f"{value.__module__}.{value.__qualname__} {decides(value)}"
+    if hasattr(value, "text"):  # a scenario
+        return value.text
+    if is_dataclass(value):
+        return asdict(value)  # type: ignore[arg-type]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"{value!r:.80} in the arguments of a cell has no text that identifies it")
+
+
+# modules of this package, read as text
+
+
+LOOKS = {"colour", "marker", "description"}
+"""Keywords that say how a part is shown."""
+WORDS = {
+    "Belief": (2,),
+    "Column": (2,),
+    "Rule": (1,),
+    "convex_rule": (),
+    "metric": (2,),
+    "of_run": (4,),
+    "register": (2, 4, 5),
+}
+"""What makes a part, and the places of arguments that say how the part is shown."""
+
+
+@cache
+def _syntax(path: Path) -> ast.Module:
+    """The tree of a file, without strings that stand alone, which are docstrings, and without looks."""
+    tree = ast.parse(path.read_bytes() if path.is_file() else b"")
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and any(map(_is_bare, body)):
+            kept = [statement for statement in body if not _is_bare(statement)]
+            node.body = kept or [ast.copy_location(ast.Pass(), body[0])]  # type: ignore[attr-defined]
+        part = getattr(getattr(node, "func", None), "id", "")
+        if isinstance(node, ast.Call) and part in WORDS:
+            node.args = [x for k, x in enumerate(node.args) if k not in WORDS[part]]
+            node.keywords = [x for x in node.keywords if x.arg not in LOOKS]
+    return tree
+
+
+def _is_bare(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def computed(*nodes: ast.stmt) -> str:
+    """What statements compute, as text: their bytecode, which has numbers in place of the names of local variables."""
+    return _code(compile(ast.Module(list(nodes), []), "", "exec", dont_inherit=True))
+
+
+def _code(code: CodeType) -> str:
+    constants = [
+        _code(x)
+        if isinstance(x, CodeType)
+        else repr(sorted(map(repr, x)) if isinstance(x, frozenset) else x)
+        for x in code.co_consts
+    ]
+    # a caller may use the names of parameters, though not of a lambda's
+    named = 0 if code.co_name == "<lambda>" else code.co_argcount + code.co_kwonlyargcount
+    about = code.co_name, code.co_flags, code.co_names, code.co_varnames[:named]
+    return repr((*about, code.co_code, code.co_exceptiontable, constants))
+
+
+@cache
+def _definitions(module: str) -> dict[str, list[ast.stmt]]:
+    """Top-level statements of a module by the names that they bind."""
+    found: dict[str, list[ast.stmt]] = {}
+    for node in _syntax(path_of(module)).body:
+        bound = [getattr(node, "name", "")]
+        if not isinstance(node, ast.FunctionDef | ast.ClassDef):
+            bound = [one.id for one in ast.walk(node)
+                     if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)]  # fmt: skip
+        for name in bound:
+            found.setdefault(name, []).append(node)
+    return found
+
+
+@cache
+def _imports(module: str) -> dict[str, Name]:
+    """What names of a module are imported, wherever: the module that they are of, and the name there."""
+    found: dict[str, Name] = {}
+    for node in ast.walk(_syntax(path_of(module))):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            of = getattr(node, "module", "")
+            found |= {
+                one.asname or one.name: (of, one.name) if of else (one.name, "")
+                for one in node.names
+            }
+    return {name: one for name, one in found.items() if one[0].partition(".")[0] in (OWN, *BELOW)}
+
+
+def _named_in(node: ast.stmt, module: str) -> Iterator[Name]:
+    """Definitions and data files that a statement of a module names."""
+    own, imports = _definitions(module), _imports(module)
+    for one in ast.walk(node):
+        if isinstance(one, ast.Name) and one.id in own:
+            yield module, one.id
+        elif isinstance(one, ast.Name) and one.id in imports:
+            yield imports[one.id]
+        elif isinstance(one, ast.Attribute) and getattr(one.value, "id", "") in imports:
+            target, name = imports[one.value.id]  # type: ignore[attr-defined]
+            yield f"{target}.{name}".strip("."), one.attr  # of a module
+        elif isinstance(one, ast.Constant) and str(one.value).endswith(DATA):
+            file = path_of(module).with_name(str(one.value))
+            if file.is_file():
+                yield str(file), ""
+
+
+# files of users, and data
+
+
+@cache
+def folder_hash(file: str) -> str:
+    """Hash of a data file; of a Python file that of all `files_beside` it.
+
+    An interactive session has no file, and its rows are never found again. Raises `InputError` for a folder of too many,
+    `SourcesChanged` in a worker that has no such module.
+    """
+    if not file and multiprocessing.parent_process():
+        raise SourcesChanged(
+            "a worker does not know a part that has no file, or whose file is no plug-in; give jobs = 1"
+        )
+    if not file:
+        return _prompt
+    files = [Path(file)] if file.endswith(DATA) else files_beside(file)
+    return _hash("".join(f"{path} {path.read_bytes().hex()}" for path in files))
+
+
+def files_beside(file: str) -> list[Path]:
+    """What decides the rows of a user's Python file: Python files and data of its folder, at any depth.
+
+    Not what this process prints into, and no folder of rows. Raises `InputError` for a folder of too many.
+    """
+    printed = [os.fstat(number) for number in (1, 2)]
+    folder, files = Path(file).parent, list[Path]()
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if name not in PASSED_OVER and name[0] != "."]
+        if ROWS not in names or Path(place) == folder:
+            files += [Path(place, name) for name in names if name.endswith((".py", *DATA))]
+        if len(files) > MOST_FILES:
+            raise InputError(
+                f"{file}: its folder has more than {MOST_FILES} Python and data files, and each may decide its rows; "
+                "move it to a folder of its own"
+            )
+    return sorted(
+        path for path in files if not any(os.path.samestat(path.stat(), one) for one in printed)
+    )
