@@ -25,8 +25,8 @@ from alloc.conformance import check_controller, check_curve
 from alloc.evaluation.metrics import METRICS, Metric, metric
 from alloc.evaluation.metrics import evaluate as _evaluate
 from alloc.onboard.beliefs import BELIEFS, Belief
-from alloc.onboard.controllers.controller import CONTROLLERS, Controller
-from alloc.onboard.controllers.controller import register as register_controller
+from alloc.onboard.controllers import CONTROLLERS, Controller
+from alloc.onboard.controllers import register as register_controller
 from alloc.onboard.signatures import belief, control, share
 from alloc.rules import (
     RULES,

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from alloc.onboard.controllers.controller import CONTROLLERS, Controller
+from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.plant.curves import (
     CURVES,
     LARGEST,

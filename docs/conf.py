@@ -14,7 +14,7 @@ from sphinx.application import Sphinx
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import mpc.unit  # noqa: F401 (registers the MPC)
 from alloc.onboard.columns import TABLES
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 
 project = html_title = "readhesion"
 version = release = installed_version("readhesion")

@@ -13,7 +13,7 @@ import math
 
 from alloc.compilation import jit
 from alloc.onboard.columns import NAN
-from alloc.onboard.controllers.search import clip, lag_share, lasted
+from alloc.onboard.controllers.creep import clip, lag_share, lasted
 from alloc.onboard.sensing import is_seen
 
 AXLES = 8

@@ -12,8 +12,9 @@ import numpy as np
 
 from alloc.compilation import jit
 from alloc.onboard.columns import NAN, ONE
-from alloc.onboard.controllers.controller import CONTROLLERS, cut_and_ramp, register
-from alloc.onboard.controllers.search import clip
+from alloc.onboard.controllers import CONTROLLERS, register
+from alloc.onboard.controllers.creep import clip
+from alloc.onboard.controllers.plain import cut_and_ramp
 from alloc.onboard.sensing import LIMITING
 from alloc.onboard.signatures import control
 from alloc.schema.tables import Column, Table
@@ -181,5 +182,21 @@ BOUNDS: dict[str, tuple[float, float]] = {"horizon": (1, STEPS), "late": (0, LAT
 BOUNDS |= dict.fromkeys(
     ("change_weight", "slip_weight", "margin", "price", "loud"), (0.0, math.inf)
 )
-register("mpc", mpc, "model predictive control of each unit", MPC, "#aa39ff", "P", BOUNDS)
-register("mpc-opti", mpc_opti, "the same, solved by CasADi", MPC, "#d4a0ff", "*", BOUNDS)
+register(
+    "mpc",
+    mpc,
+    "model predictive control of each unit",
+    memory=MPC,
+    colour="#aa39ff",
+    marker="P",
+    bounds=BOUNDS,
+)
+register(
+    "mpc-opti",
+    mpc_opti,
+    "the same, solved by CasADi",
+    memory=MPC,
+    colour="#d4a0ff",
+    marker="*",
+    bounds=BOUNDS,
+)

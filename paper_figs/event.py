@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from alloc.evaluation.metrics import evaluate
 from alloc.laws import window
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant.rows import rows_of
 from alloc.rules import RULES
 from alloc.run.event import Event

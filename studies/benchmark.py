@@ -16,7 +16,7 @@ import pandas as pd
 from alloc.compilation import ROOT
 from alloc.evaluation.metrics import evaluate
 from alloc.files import write_whole
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.run.simulation import simulate
 from studies import StudyError
@@ -281,11 +281,6 @@ SAID = (
     ("mpc", SEARCH, "this project"),
     (SEARCH, "cut-and-ramp", "this project"),
     (SEARCH, "pi-creep", "this project"),
-    ("fuzzy-creep", "pi-creep", "Tian, Daniel, Meehan 2014"),
-    ("swarm-slip", "pi-creep", "Zirek, Onat 2020"),
-    ("fuzzy-tracking", "steepest-gradient", "arXiv 2406.13650"),
-    ("swarm-tracking", "steepest-gradient", "arXiv 2406.13650"),
-    ("cubature-seeking", "steepest-gradient", "Applied Sciences 15(19), 10524"),
 )
 """Controllers that are said to be better than others, and who says so."""
 

@@ -9,7 +9,7 @@ import pandas as pd
 import scipy
 
 from alloc.evaluation.metrics import METRICS
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from studies.files.scenario import Scenario, default_scenarios
 from studies.run_cell import cell, run

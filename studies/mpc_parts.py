@@ -10,8 +10,9 @@ import pandas as pd
 
 from alloc.evaluation.metrics import evaluate
 from alloc.onboard.columns import ONE
-from alloc.onboard.controllers.controller import CONTROLLERS, Controller
-from alloc.onboard.controllers.search import CREEP_ROW, PERTURB_ROW, perturb_observe, pi_creep
+from alloc.onboard.controllers import CONTROLLERS, Controller
+from alloc.onboard.controllers.creep import CREEP_ROW, pi_creep
+from alloc.onboard.controllers.search import PERTURB_ROW, perturb_observe
 from alloc.onboard.signatures import control
 from alloc.run.simulation import simulate
 from alloc.schema.tables import Column, Table

@@ -24,7 +24,7 @@ from alloc.backends import compiled as law
 from alloc.compilation import jit
 from alloc.evaluation.series import spans
 from alloc.laws import GRAVITY, gradient_force
-from alloc.onboard.controllers.controller import asymmetric_lag, torque_factor
+from alloc.onboard.controllers.plain import asymmetric_lag, torque_factor
 from alloc.plant.curves import PiecewiseCurve
 from studies.runner.study import Cell, Row, Study
 

@@ -6,9 +6,8 @@ from functools import lru_cache
 import pandas as pd
 import xarray as xr
 
-import mpc.unit  # noqa: F401 (registers the MPC among the controllers)
 from alloc.evaluation.metrics import METRICS, evaluate
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.run.event import Event
 from alloc.run.simulation import simulate

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from alloc.evaluation.metrics import evaluate
-from alloc.onboard.controllers.controller import CONTROLLERS, Controller
+from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.run.simulation import simulate
 from alloc.schema.errors import InputError
 from studies import run_cell as runs

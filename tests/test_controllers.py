@@ -5,18 +5,12 @@ import math
 import numpy as np
 import pytest
 
-import mpc.unit  # noqa: F401  (registers "mpc")
-from alloc.onboard.controllers import controller as controllers
-from alloc.onboard.controllers.controller import (
-    CONTROLLERS,
-    asymmetric_lag,
-    register,
-    torque_factor,
-)
-from alloc.onboard.controllers.search import lag_share
+from alloc.onboard.controllers import CONTROLLERS, register
+from alloc.onboard.controllers import plain as controllers
+from alloc.onboard.controllers.creep import lag_share
+from alloc.onboard.controllers.plain import asymmetric_lag, torque_factor
 from alloc.onboard.signatures import are_compiled, control
 from alloc.schema.errors import InputError
-from alloc.schema.registry import Registry
 from tests.cases import looped
 from tests.wheel import SCALE, course, drive, plain, rows
 
@@ -105,7 +99,7 @@ def test_a_search_climbs_to_the_peak_of_a_curve(controller, best):
     assert mu[-500:].mean() > 0.89 * 0.08  # held at 0.085 m/s, the slip gives 0.86 at the wide one
 
 
-@looped("controller", [one for one in SEARCHES if one.name != "swarm-slip"])  # which gathers early
+@looped("controller", SEARCHES)
 def test_a_search_finds_a_wide_peak_with_noisy_sensors_too(controller):
     for best, noise in ((0.25, 0.0), (0.2, 0.01)):
         _, mu, _, _ = drive(controller, lambda t: 0.08, best, 15.0, noise)
@@ -229,29 +223,16 @@ def test_names_colours_and_markers_are_each_controllers_own():
         assert len({getattr(one, about) for one in ALL}) == len(ALL)
 
 
-def test_units_that_search_at_random_draw_differently():
-    one = CONTROLLERS["swarm-slip"]
-    found = []
-    for number in (0, 1):
-        unit, axles, run = rows(number=number)
-        memory = one.rows(1)[0]
-        one.control(unit, axles, memory, run)
-        found.append(memory.view(one.memory.dtype)[0].generator)
-    assert found[0] != found[1]
-
-
 @looped("decorate", (control, lambda function: function))
 def test_a_controller_of_ones_own_takes_three_lines(decorate):
     @decorate
     def cautious(unit, axles, memory, run):
         unit.torque_command = 0.9 * unit.torque_target
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(controllers, "CONTROLLERS", Registry("controller"))
-        one = register("cautious", cautious, "a tenth less than asked for")
-        assert controllers.CONTROLLERS.find("cautious") is one
-    told = np.array(list(commands(one, 4, 5)))
-    assert told[:, 0] == pytest.approx(0.9 * told[:, 1])
+    controller = register("cautious", cautious, "a tenth less than asked for")
+    assert CONTROLLERS.find("cautious") is controller
+    torque = np.array(list(commands(controller, 4, 5)))
+    assert torque[:, 0] == pytest.approx(0.9 * torque[:, 1])
 
 
 @looped("controller", ALL)

@@ -8,10 +8,9 @@ from linecache import getline
 import numpy as np
 import pytest
 
-import mpc.unit  # noqa: F401  (registers "mpc")
 from alloc.conformance import DRY, check_controller, check_curve, check_part
 from alloc.onboard.beliefs import Belief
-from alloc.onboard.controllers.controller import CONTROLLERS, Controller
+from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.signatures import control, share
 from alloc.plant.curves import CURVES, PiecewiseCurve, own_curve
 from alloc.rules import Rule

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from alloc.evaluation.metrics import evaluate
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 from alloc.onboard.settings import Onboard, Sensors
 from alloc.plant.rail import Line, Patch, Rail, logarithmic_increments
 from alloc.plant.trains import find_train

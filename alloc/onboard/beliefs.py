@@ -16,6 +16,7 @@ from alloc.compilation import jit
 from alloc.onboard.columns import NEVER
 from alloc.onboard.sensing import ROUNDING, sight
 from alloc.onboard.signatures import belief
+from alloc.schema.registry import Registry
 
 
 class Belief(NamedTuple):
@@ -234,17 +235,14 @@ def news(j, tick, units, reports, report_tick):
     return report.limited, report.slipped, report.detected, report.works
 
 
-BELIEFS = {
-    one.name: one
-    for one in (
-        Belief("front detected", front_detected, "the leader's adhesion, at its slip"),
-        Belief(
-            "any detected", any_detected, "every unit's adhesion at its slip, at any unit's slip"
-        ),
-        Belief("front", front, "the foremost limited unit's adhesion, while a unit is limited"),
-        Belief("delivered", delivered, "what every unit delivers, while a unit is limited"),
-        Belief("delivered always", delivered_always, "what every unit delivers, always"),
-        Belief("known", known, "the true rail, always", knows=True),
-    )
-}
-"""By name."""
+BELIEFS: Registry[Belief] = Registry("belief")
+"""Beliefs of the leader by name."""
+for _belief in (
+    Belief("front detected", front_detected, "the leader's adhesion, at its slip"),
+    Belief("any detected", any_detected, "every unit's adhesion at its slip, at any unit's slip"),
+    Belief("front", front, "the foremost limited unit's adhesion, while a unit is limited"),
+    Belief("delivered", delivered, "what every unit delivers, while a unit is limited"),
+    Belief("delivered always", delivered_always, "what every unit delivers, always"),
+    Belief("known", known, "the true rail, always", knows=True),
+):
+    BELIEFS.register(_belief)

@@ -16,7 +16,7 @@ from numba import boolean, int64, typeof, void
 from numba.extending import register_jitable
 
 from alloc.compilation import jit, part
-from alloc.onboard.controllers.controller import CONTROLLERS, Controller
+from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.reference_speed import ease
 from alloc.onboard.sensing import report, sense
 from alloc.onboard.signatures import (

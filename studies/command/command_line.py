@@ -127,7 +127,7 @@ def simulate(
         as_json: Print JSON with every metric instead.
     """
     from alloc.evaluation.metrics import METRICS, evaluate
-    from alloc.onboard.controllers.controller import CONTROLLERS
+    from alloc.onboard.controllers import CONTROLLERS
     from alloc.rules import RULES
     from alloc.run.recording import save
     from studies.files.scenario import DRAWN, load, remarks

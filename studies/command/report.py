@@ -17,7 +17,7 @@ import xarray as xr
 from alloc.evaluation import metrics
 from alloc.evaluation.metrics import METRICS
 from alloc.files import write_whole
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant import curves
 from alloc.rules import RULES
 from alloc.run.recording import provenance

@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 
 from alloc.evaluation.metrics import METRICS
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant.curves import CURVES
 from alloc.plant.trains import TRAINS, find_train
 from alloc.rules import RULES

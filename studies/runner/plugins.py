@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from alloc.evaluation.metrics import METRICS, Metric
-from alloc.onboard.controllers.controller import CONTROLLERS, Controller
+from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.plant.trains import TRAINS
 from alloc.rules import RULES, AllocationProblem, Rule
 from alloc.schema.errors import InputError, blamed_on

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 from mpc.problem import BELIEVED
 from mpc.unit import AXLES, MPC, mpc
 from tests.cases import looped

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import paper_figs
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from paper_figs.style import NARROW, WIDE
 from studies.runner.catalogue import STUDIES

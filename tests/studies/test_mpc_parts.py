@@ -5,7 +5,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from alloc.onboard.controllers.controller import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS
 from studies.mpc_parts import STUDY, exchanged
 from studies.runner.study import run_study
 from tests.cases import looped
