@@ -12,9 +12,9 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-import mpc.unit  # noqa: F401 (registers the MPC)
-from alloc.onboard.columns import TABLES
+from alloc.onboard.columns import TABLES as KNOWN
 from alloc.onboard.controllers import CONTROLLERS
+from alloc.plant.columns import TABLES as TRUE
 
 project = html_title = "readhesion"
 version = release = installed_version("readhesion")
@@ -78,7 +78,7 @@ def visit_math(writer: Any, node: nodes.math | nodes.math_block) -> None:
 def list_quantities(app: Sphinx, page: str, source: list[str]) -> None:
     """Add the columns of all tables, and of the controllers' memories, to the page of quantities."""
     memories = (one.memory for one in CONTROLLERS.values() if one.memory.columns)
-    for table in dict.fromkeys((*TABLES, *memories)):  # controllers may share one
+    for table in dict.fromkeys((*TRUE, *KNOWN, *memories)):  # controllers may share one
         if page == "quantities":
             rows = [
                 f"| `{key}` | {one.unit} | {one.meaning} | {'yes' if one.recorded else ''} | {one.source} |"

@@ -14,7 +14,6 @@ import math
 from alloc.compilation import jit
 from alloc.onboard.columns import NAN
 from alloc.onboard.controllers.creep import clip, lag_share, lasted
-from alloc.onboard.sensing import is_seen
 
 AXLES = 8
 """Room for the axles that a unit watches at most: its foremost."""
@@ -38,7 +37,7 @@ def observe(unit, axles, m, run):
         if a.unit < 0 or i + 1 == AXLES:
             continue
         i += 1
-        if not is_seen(a, run.time) or not math.isfinite(a.reading):
+        if a.seen == 0 or not math.isfinite(a.reading):
             m.rim[i] = NAN
             continue
         rim, s = run.sign * a.reading, run.sign * a.reading - v

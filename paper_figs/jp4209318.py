@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from alloc.evaluation.metrics import distance
 from alloc.laws import speed_law
-from alloc.onboard.columns import AXLE, PLANT
+from alloc.plant.columns import PLANT, WHEELSET
 from paper_figs.style import WIDE, Drawing
 from studies.jp4209318 import CALIBRATED, TABLE_3, TABLE_4, stop
 
@@ -19,7 +19,7 @@ AXLES = ("#d55e00", "#e69f00", "#0072b2", "#56b4e9")
 
 def adhesion() -> Figure:
     """Left over slip ratio, right over speed; above the first axle, below the twelfth."""
-    rail, axles, plant = CALIBRATED.rail(), AXLE.rows(12), PLANT.rows(1)[0]
+    rail, axles, plant = CALIBRATED.rail(), WHEELSET.rows(12), PLANT.rows(1)[0]
     rail.put_under(axles, plant)
     drawn = Figure(figsize=(WIDE, 3.2), layout="constrained")
     panels = drawn.subplots(2, 2, sharex="col", sharey=True)

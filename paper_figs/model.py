@@ -124,7 +124,7 @@ def _arrow(axes: Axes, colour: str, *places: tuple[float, float]) -> None:
 
 def _train(axes: Axes) -> None:
     """A trailer and two motor cars of the commuter train, the front at 0, and a wet patch below the front."""
-    axle = rows_of(load("wet-start").event().train).axles
+    axle = rows_of(load("wet-start").event().train).wheelsets
     axes.set(xlim=(-61.0, 9.0), ylim=(0.0, 10.0), title="(a) train, telegrams and forces")
     for start, length, colour in ((-61.0, 70.0, "#c9ced3"), (-31.0, 40.0, BLUE)):
         axes.add_patch(Rectangle((start, 0.9), length, 0.35, facecolor=colour))

@@ -152,7 +152,7 @@ def event(seed: int, k: int) -> Scenario:
         rail=rail,
         onboard=onboard,
         command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * asked}],
-        failures=e.failures(d, rows_of(train).units.size, ROLLING),
+        failures=e.failures(d, rows_of(train).drives.size, ROLLING),
         receptivity=e.receptivity(d),
         belief=believed | {name: d[name] for name in factors},
         **kind.keys,

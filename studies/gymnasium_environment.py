@@ -89,11 +89,11 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         if shares not in self.action_space:
             raise StudyError(f"action = {action!r:.80}: give {len(self.units)} numbers from 0 to 1")
         world = self.simulation.world
-        spent = world.axles.friction_work.sum()
+        spent = world.wheelsets.friction_work.sum()
         self._go_on(shares)
-        work = 1e-3 * float(world.axles.friction_work.sum() - spent)
+        work = 1e-3 * float(world.wheelsets.friction_work.sum() - spent)
         run, asked = world.run[0], self._plan[len(self._played) - 1]
-        recorded = self.simulation.record.axles.rail_force[self.simulation.tick - 1]
+        recorded = self.simulation.recording.wheelsets.rail_force[self.simulation.tick - 1]
         force = run.sign * float(recorded.sum())  # at the start of the period
         effort = min(max(force, 0.0), abs(asked)) / (np.abs(self._plan).sum() or 1.0)
         seen, info = self._seen()
@@ -110,8 +110,8 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
 
     def _aim(self) -> None:
         """Targets of the next instant, and what the controller `others` would command there."""
-        self.simulation.aim()
-        self.simulation.command()
+        self.simulation.plan_instant()
+        self.simulation.command_units()
 
     def _go_on(self, shares: Floats) -> None:
         """Command these shares, and run to the next control instant."""
@@ -119,7 +119,7 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         for j, share in zip(self.units, shares.tolist(), strict=True):
             row = self.simulation.world.units[j]
             row.torque_command = share * row.torque_target
-        self.simulation.go()
+        self.simulation.finish_instant()
         self._ended = self.simulation.tick == self.simulation.ticks
         if not self._ended:
             self._aim()

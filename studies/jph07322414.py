@@ -235,8 +235,8 @@ def least_squares(doubt: Floats) -> Learner:
 
 def rim_force(train: Train) -> Floats:
     """Force at the rims of each unit over the torque of its motors [N/(N m)], (units,)."""
-    units = rows_of(train).units
-    return np.asarray(units.axles * units.gear / units.radius)
+    drives = rows_of(train).drives
+    return np.asarray(drives.axles * drives.gear / drives.radius)
 
 
 USE, LEARN, WINDOW = 0.01, 0.05, 10.0

@@ -203,7 +203,7 @@ def run(base: Scenario, kind: Kind, arm: str, event: int, seed: int, stations: i
     how, rows, stored = ARMS[arm], list[Row](), None
     for station in range(1, stations + 1):
         own = start(base, kind, event, station, seed)
-        truth = unit_increments(np.array(own.rail.increments), rows_of(own.train).axles.unit)
+        truth = unit_increments(np.array(own.rail.increments), rows_of(own.train).wheelsets.unit)
         if stored is None:
             stored = Stored((1.0 if how.learner == "truth" else AT_FIRST[kind[1]]) * truth)
         belief = replace(own.onboard.belief, unit_increments=tuple(stored.increment.tolist()))

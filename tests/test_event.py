@@ -50,7 +50,7 @@ def test_another_seed_draws_what_is_drawn_and_nothing_else():
     }
     assert differ == {"axles", "units", "brakes", "onboard", "noise", "report_tick", "order_tick"}
     changed = {name for name in one.axles.dtype.names if (one.axles[name] != two.axles[name]).any()}
-    assert changed == {"believed_radius"}
+    assert changed == {"radius"}
     plain = with_sensors(speed_noise=0.0, load_error=0.0, radius_error=0.0)
     plain = replace(plain, onboard=replace(plain.onboard, telegrams=Telegrams()))
     other = replace(
@@ -63,7 +63,7 @@ def test_errors_have_the_sizes_that_sensors_state():
     w = EVENT.world()
     assert w.noise.std() == pytest.approx(0.01, rel=0.05)
     raw = replace(EVENT, onboard=EVENT.onboard.with_settings({"reference.radii_compared": False}))
-    off, before = (one.axles.believed_radius / 0.43 - 1.0 for one in (w, raw.world()))
+    off, before = (one.axles.radius / 0.43 - 1.0 for one in (w, raw.world()))
     assert off.std() == pytest.approx(1e-4, rel=0.3)
     assert off.mean() == pytest.approx(before.mean(), abs=1e-4)
     assert before.std() == pytest.approx(0.01 / 3.0**0.5, rel=0.3)
@@ -72,10 +72,10 @@ def test_errors_have_the_sizes_that_sensors_state():
 def test_a_run_begins_rolling():
     w, n = EVENT.world(), 32
     assert w.state[:2].tolist() == [10.0, 5.0]
-    assert w.state[2 : 2 + n] * w.axles.radius == pytest.approx(5.0)
+    assert w.state[2 : 2 + n] * w.wheelsets.radius == pytest.approx(5.0)
     assert not w.state[2 + n :].any()
     assert w.state.size == 2 + n + w.units.size + w.brakes.size + n + 4
-    assert w.run.reference_speed == w.run.speed == 5.0
+    assert w.run.reference_speed == w.plant.speed == 5.0
     coupled = replace(EVENT, train=find_train("freight-5"), rail=Rail(0.1)).world()
     assert coupled.state[:12].tolist() == [10.0] * 6 + [5.0] * 6
 
@@ -85,7 +85,7 @@ def test_the_leader_is_the_foremost_unit_that_is_known_to_work():
     leader = event.world().leader
     assert leader[:110].tolist() == [0] * 110
     assert set(leader[112:]) == {2}
-    assert event.world().units.failure[:3].tolist() == [1.0, 0.5, 1e9]
+    assert event.world().drives.failure[:3].tolist() == [1.0, 0.5, 1e9]
 
 
 def test_a_telegram_that_has_arrived_stays_and_none_comes_from_the_future():
@@ -106,8 +106,8 @@ def test_a_telegram_that_has_arrived_stays_and_none_comes_from_the_future():
 
 def test_lost_signals_and_commands_come_when_they_are_said():
     w = EVENT.world()
-    assert [w.axles.lost[6], w.axles.back[6]] == [1.0, 2.0]
-    assert (np.delete(w.axles.lost, 6) == 1e9).all()
+    assert [w.wheelsets.lost[6], w.wheelsets.back[6]] == [1.0, 2.0]
+    assert (np.delete(w.wheelsets.lost, 6) == 1e9).all()
     assert [float(w.command[k]) for k in (0, 49, 50, 199, 200)] == [0.0, 0.0, 0.8, 0.8, -0.7]
 
 

@@ -2,6 +2,7 @@
 
 import inspect
 import math
+from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -9,7 +10,10 @@ import pytest
 from alloc.onboard import beliefs, sensing, targets, telegrams
 from alloc.onboard import reference_speed as speed
 from alloc.onboard import slide_protection as slide
-from alloc.onboard.columns import AXLE, BRAKE, CAR, NEVER, ONBOARD, PLANT, RUN, SLIDE, UNIT
+from alloc.onboard.columns import AXLE, BRAKE, NEVER, ONBOARD, RUN, SLIDE, UNIT
+from alloc.plant import dynamics
+from alloc.plant.columns import CAR, CYLINDER, DRIVE, PLANT, WHEELSET
+from alloc.run import wire
 from alloc.run.simulation import Simulation
 from alloc.schema.tables import words
 from studies.files.scenario import load
@@ -39,10 +43,9 @@ def board(seed=0, **run):
     """What functions on board take, by name: units of two and three axles, of which one is not seen, and a trailer."""
     rng, unit, brake = np.random.default_rng(seed), [0, 0, 1, 1, 1, -1], [0, 0, 1, 1, 1, 2]
     gear = [7.0, 6.9, 6.8, 6.7, 6.6, 0.0]
-    axles = unequal(
-        AXLE, 6, rng, unit=unit, brake=brake, gear=gear, sensed=[1, 1, 0, 1, 1, 1], lost=9.0
-    )
-    units = unequal(UNIT, 2, rng, axles=[2, 3], failure=[1e9, 0.5], protected=[0, 1])
+    seen = [1, 1, 0, 1, 1, 1]
+    axles = unequal(AXLE, 6, rng, unit=unit, brake=brake, gear=gear, seen=seen, was_seen=1)
+    units = unequal(UNIT, 2, rng, axles=[2, 3], protected=[0, 1])
     brakes = unequal(BRAKE, 3, rng, axles=[2, 3, 1], unit=[0, 1, -1])
     now = {
         "period": H,
@@ -58,7 +61,9 @@ def board(seed=0, **run):
     y = [50.0, 20.0, *rng.uniform(40.0, 50.0, 6), -900.0, -700.0, 1e5, 2e5, 3e5, *np.zeros(10)]
     sent, table = np.tile([[40, 30]], (50, 1)), np.linspace(9e3, 1e3, 200) * np.ones((2, 1))
     return {
-        "axles": axles, "cars": CAR.rows(3), "units": units, "brakes": brakes, "u": units[1], "a": axles[3], "b": brakes[1],
+        "wheelsets": WHEELSET.rows(6, sensed=seen, lost=9.0), "cars": CAR.rows(3), "drives": DRIVE.rows(2),
+        "cylinders": CYLINDER.rows(3), "axles": axles, "units": units, "brakes": brakes, "u": units[1],
+        "a": axles[3], "b": brakes[1],
         "plant": unequal(PLANT, 1, rng)[0], "onboard": unequal(ONBOARD, 1, rng, speed_quantum=1e-3)[0],
         "run": unequal(RUN, 1, rng, **now | speeds | run)[0], "slide": unequal(SLIDE, 1, rng, protection=2)[0],
         "reports": said, "orders": said, "order_tick": sent, "report_tick": sent, "y": np.array(y),
@@ -86,6 +91,28 @@ def test_compiled_code_is_the_python_that_it_is_written_in(name, now):
         found.append(([*rows, b["run"].tobytes()], np.array(answer, dtype=float)))
     assert found[0][0] == found[1][0]
     assert np.array_equal(found[0][1], found[1][1], equal_nan=True)
+
+
+WIRED = [
+    name
+    for name, part in vars(wire).items()
+    if hasattr(part, "py_func") and name not in vars(dynamics)
+]
+
+
+@pytest.mark.parametrize("name", [name for name in WIRED if name not in ("top", "has_signal")])
+def test_the_wire_compiled_is_the_python_that_it_is_written_in(name):
+    run, found = Simulation(load("jp4209318-stop").event(1), "alone", "none"), []
+    for _ in range(60):
+        run.plan_instant()
+        run.command_units()
+        run.finish_instant()
+    for function in (getattr(wire, name), getattr(wire, name).py_func):
+        w = deepcopy(run.world)._asdict()
+        rows = {key: w[key][0] for key in ("plant", "onboard", "run", "noise")}
+        call(function, w | rows | {"y": w["state"], "t": 0.6})
+        found.append({key: words(w[key]).tobytes() for key in w if w[key].dtype.names})
+    assert found[0] == found[1]
 
 
 @pytest.mark.parametrize("pole", [5.0, 10.0, 40.0])
@@ -129,8 +156,10 @@ def test_readings_are_true_rim_speeds_with_noise_steps_and_wrong_radii(commanded
     axles, units, g = b["axles"], b["units"], b["brakes"][b["axles"].brake]
     b["onboard"].air_commanded, b["onboard"].true_speed = commanded, 1
     units.air_brake_force = [1500.0, 2500.0]
+    b["axles"].true_speed = b["run"].true_speed = 20.0
+    call(wire.read, b)
     call(sensing.sense, b)
-    steps = (axles.believed_radius * b["y"][2:8] + b["noise"]) / b["onboard"].speed_quantum
+    steps = (axles.radius * b["y"][2:8] + b["noise"]) / b["onboard"].speed_quantum
     assert (axles.reading / b["onboard"].speed_quantum)[seen] == pytest.approx(np.rint(steps[seen]))
     assert (
         axles.reading[2] == b["run"].reference_speed == 20.0
@@ -169,8 +198,8 @@ def test_a_failure_is_known_a_tenth_of_a_second_later():
     found = []
     for k in range(50):
         b = board(time=k * H)
-        b["units"].failure = [0.2, 0.3]
-        call(sensing.sense, b)
+        b["drives"].failure = [0.2, 0.3]
+        call(wire.read, b)
         found.append(list(b["units"].works))
     assert list(np.sum(found, axis=0)) == [30, 40]
     for failure in ([0.2, 0.3, 9.0], [0.2, 0.3, 0.1]):  # the hindmost leads where none works
@@ -211,7 +240,7 @@ def test_a_locomotive_is_eased_where_all_its_wheels_creep_and_knows_its_speed(le
     run = Simulation(
         scenario.changed(rail=rail, duration_s=8.0).event(), "alone", "perturb-observe"
     )
-    run.go_on()
+    run.run_to_end()
     assert (run.world.run[0].easing < 1e3) == (level < 0.1)
     found = run.recorded()
     assert float(abs(found.reference_speed - found.car_speed[:, 0]).max()) < 0.3
@@ -362,7 +391,7 @@ def test_trailers_are_asked_for_their_part_and_lack_what_their_shoes_do_not_give
     force = np.array([*units.air_brake_force, part * (1.0 + brakes.turning[2])])
     pressure = np.minimum(force / (brakes.gain * friction), brakes.most_pressure)
     assert [*brakes.pressure_target, *units.protected] == pytest.approx([*pressure, 0, 1])
-    brakes.cylinder_pressure[2] = 0.5 * force[2] / (brakes.gain * friction)[2]
+    brakes.pressure[2] = 0.5 * force[2] / (brakes.gain * friction)[2]
     lacking = 0.5 * part / (2 * units.load[0] + 3 * units.load[1])
     assert targets.trailers_lack(units, brakes, run) == pytest.approx(lacking)
     brakes.most[2] = 0.08 * part  # the oracle's
@@ -401,12 +430,19 @@ def test_the_worst_axle_of_a_bogie_moves_its_valves():
 @pytest.mark.parametrize(("seen", "peak"), [([0, 1, 1, 1], 0.03), ([0, 0, 0, 0], 0.02), ([1, 0, 1, 0], 0.03)])  # fmt: skip
 def test_an_unseen_axle_cannot_run_away(watched, seen, peak):
     b = board(sign=1.0, braking=0, driver_command=1.0, plan=0.1)
-    axles, units = AXLE.rows(4, unit=0, sensed=seen, gear=7.0), UNIT.rows(1, limit=0.1)
+    axles, units = AXLE.rows(4, unit=0, gear=7.0), UNIT.rows(1, limit=0.1)
     b |= {"axles": axles, "units": units, "brakes": BRAKE.rows(0), "noise": np.zeros(4)}
+    b |= {
+        "wheelsets": WHEELSET.rows(4, sensed=seen),
+        "drives": DRIVE.rows(1),
+        "cylinders": CYLINDER.rows(0),
+    }
     b["onboard"] = ONBOARD.rows(1, true_speed=1)[0]
     peaks, worst, y = np.where(seen, 0.15, peak), 0.0, np.array([0.0, 5.0, *[5.0 / 0.43] * 4, *np.zeros(5)])  # fmt: skip
     for k in range(1500):  # on a train that gains 0.3 m/s2
         b["run"].time, y[1], b["y"] = k * H, 5.0 + 0.3 * k * H, y
+        call(wire.tell_speed, b)
+        call(wire.read, b)
         call(sensing.sense, b)
         units.runs_away &= watched
         targets.set_targets(units, b["onboard"], b["run"])

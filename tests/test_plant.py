@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alloc.onboard.columns import AXLE, BRAKE, CAR, LINE, PATCH, PLANT, RUN, UNIT
+from alloc.onboard.columns import BRAKE, RUN, UNIT
 from alloc.plant import dynamics as plant
+from alloc.plant.columns import CAR, CYLINDER, DRIVE, LINE, PATCH, PLANT, WHEELSET
 from alloc.plant.curves import CURVES
-from alloc.run import event
+from alloc.run import event, wire
 from tests.cases import looped
 
-ROWS = ["y", "stages", "axles", "cars", "units", "brakes", "patches", "line", "effort", "retard", "curve", "scatter",
-        "rail", "plant", "asked"]  # fmt: skip
+ROWS = ["y", "stages", "wheelsets", "cars", "drives", "cylinders", "patches", "line", "effort", "retard", "curve", "scatter",
+        "rail", "plant", "commands"]  # fmt: skip
 FORMS = ("rigid", "one car", "two cars", "three cars")
 
 
@@ -24,7 +25,7 @@ class Train:
         n, rigid = 4 * cars, form == "rigid"
         car, place = np.repeat(np.arange(cars), 4), np.tile([0, 1, 2, 3], cars)
         driven = place < 2
-        self.axles = AXLE.rows(
+        self.wheelsets = WHEELSET.rows(
             n, car=car, body=0 * car if rigid else car, unit=np.where(driven, car, -1), brake=2 * car + place // 2,
             offset=-20.0 * car - 3.0 * place, radius=g.uniform(0.4, 0.46, n), inertia=g.uniform(80, 160, n),
             gear=np.where(driven, 6.0 + car, 0.0), static_load=g.uniform(9e4, 1.1e5, n),
@@ -32,7 +33,7 @@ class Train:
             law_numerator=g.uniform(1, 3, n), law_constant=g.uniform(0.05, 0.1, n), increment=0.002 * np.arange(n) - 0.01,
             contact=g.uniform(0.8, 1.2, n), cleaned=g.random(n), recovery=g.random(n),
         )  # fmt: skip
-        mass = np.bincount(car, self.axles.static_load) / 9.80665
+        mass = np.bincount(car, self.wheelsets.static_load) / 9.80665
         self.cars = CAR.rows(
             cars, body=0 if rigid else np.arange(cars), mass=mass, middle=-20.0 * np.arange(cars) - 8.0,
             resistance=g.uniform(300, 600, cars), resistance_linear=g.uniform(5, 20, cars),
@@ -40,10 +41,10 @@ class Train:
             damping=2e4, slack=0.01 + 0.001 * np.arange(cars),
         )  # fmt: skip
         ups = np.arange(cars)
-        self.units = UNIT.rows(cars, axles=2, lag=0.05 + 0.03 * ups, true_radius=0.42 + 0.01 * ups,
+        self.drives = DRIVE.rows(cars, axles=2, lag=0.05 + 0.03 * ups, radius=0.42 + 0.01 * ups,
                                applied=3e3 - 2.5e3 * ups, slip_torque=10.0 * ups, failure=1e9)  # fmt: skip
         m = 2 * cars
-        self.brakes = BRAKE.rows(m, fill_time=g.uniform(0.3, 0.5, m), release_time=g.uniform(0.2, 0.4, m),
+        self.cylinders = CYLINDER.rows(m, fill_time=g.uniform(0.3, 0.5, m), release_time=g.uniform(0.2, 0.4, m),
                                  dead_time=g.uniform(0.0, 0.1, m), friction_numerator=8.0, friction_offset=40.0,
                                  friction_constant=0.15, filling=g.uniform(1e5, 4e5, m),
                                  acting=np.arange(m) % 3)  # fmt: skip
@@ -71,24 +72,24 @@ class Train:
         }  # fmt: skip
         made = given | {"curve_number": curve.number} | of_plant
         self.plant = PLANT.rows(1, **made)[0]
-        self.bodies, self.asked = (1 if rigid else cars), BRAKE.record(400, m)
-        self.asked.pressure_target = 2e5
+        self.bodies, self.commands = (1 if rigid else cars), CYLINDER.record(400, m)
+        self.commands.pressure_target = 2e5
         self.y = np.zeros(2 * self.bodies + 2 * n + cars + m + 4)
         self.stages = np.zeros((4, self.y.size))
 
     def state(self, speed):
         """A random state near `speed` [m/s]; micro and macro slip, and a coupler in each of its parts."""
-        g, n, y = self.g, self.axles.size, np.zeros(self.y.size)
-        b, units, groups = self.bodies, self.units.size, self.brakes.size
+        g, n, y = self.g, self.wheelsets.size, np.zeros(self.y.size)
+        b, units, groups = self.bodies, self.drives.size, self.cylinders.size
         y[:b], y[b : 2 * b] = (
             100.0 - 0.02 * np.arange(b) * g.uniform(-1, 1),
             speed + 0.2 * g.standard_normal(b),
         )
-        rim = y[b + self.axles.body] + g.choice([0.01, 0.04, 0.5, -0.02, -1.0], n) * g.uniform(
+        rim = y[b + self.wheelsets.body] + g.choice([0.01, 0.04, 0.5, -0.02, -1.0], n) * g.uniform(
             0.5, 1.5, n
         )
         rest = [
-            rim / self.axles.radius,
+            rim / self.wheelsets.radius,
             3e3 * g.uniform(-1, 1, units),
             3e5 * g.random(groups),
             g.random(n + 4),
@@ -111,8 +112,8 @@ class Train:
 
 def independent(t, y, w):
     """The right side once more, on whole arrays and in other words."""
-    a, c, u, p, b = w.axles, w.cars, w.units, w.plant, w.bodies
-    n, m, groups = a.size, u.size, w.brakes.size
+    a, c, u, p, b = w.wheelsets, w.cars, w.drives, w.plant, w.bodies
+    n, m, groups = a.size, u.size, w.cylinders.size
     x, v, omega, torque, pressure, _ = np.split(y, np.cumsum([b, b, n, m, groups]))
     place, speed, on = x[a.body] + a.offset, v[a.body], a.unit >= 0
 
@@ -173,7 +174,7 @@ def independent(t, y, w):
         + np.append(0, tension)
         - np.append(tension, 0)
     )
-    kmh = np.minimum(3.6 * abs(mean) * u.true_radius, 119 - 1e-6)
+    kmh = np.minimum(3.6 * abs(mean) * u.radius, 119 - 1e-6)
     drive, brake = (np.array([np.interp(k, np.arange(120), one) for k, one in zip(kmh, table, strict=True)])
                     for table in (w.effort, w.retard))  # fmt: skip
     brake = brake * np.clip(
@@ -182,7 +183,7 @@ def independent(t, y, w):
         1,
     )
     rate = (alive * np.clip(u.applied, -brake, drive) - torque) / u.lag
-    s = w.brakes
+    s = w.cylinders
     filling = np.choose(
         s.acting.astype(int), [(s.filling - pressure) / s.fill_time, 0, -pressure / s.release_time]
     )
@@ -207,7 +208,7 @@ def test_right_side_is_that_of_an_independent_plant(form):
             recovered_coefficient=0.15 if kind == "rational" else 0.0,
             pitches=int(kind != "slip-ratio"),
         )
-        w.units.failure[-1] = 1.0
+        w.drives.failure[-1] = 1.0
         for speed, t in (
             (10.0, 0.5),
             (24.0, 3.0),
@@ -223,14 +224,14 @@ def test_right_side_is_that_of_an_independent_plant(form):
 @looped("form", FORMS)
 def test_power_of_motors_goes_somewhere(form):
     w = Train(form)
-    n, b = w.axles.size, w.bodies
+    n, b = w.wheelsets.size, w.bodies
     for _ in range(20):
         y = w.state(10.0)
         dy = w.slope(y)
         mass = np.bincount(w.cars.body, w.cars.mass)
         kinetic = (
             mass * y[b : 2 * b] @ dy[b : 2 * b]
-            + w.axles.inertia * y[2 * b : 2 * b + n] @ dy[2 * b : 2 * b + n]
+            + w.wheelsets.inertia * y[2 * b : 2 * b + n] @ dy[2 * b : 2 * b + n]
         )
         motors, shoes, lost, coupled = dy[-4:]
         assert kinetic + shoes + lost + coupled + dy[-4 - n : -4].sum() == pytest.approx(
@@ -241,13 +242,13 @@ def test_power_of_motors_goes_somewhere(form):
 @looped("form", FORMS)
 def test_solution_is_that_of_scipy(form):
     w = Train(form)
-    w.brakes.acting, w.brakes.filling, w.brakes.dead_time = 0.0, 2e5, 0.0
+    w.cylinders.acting, w.cylinders.filling, w.cylinders.dead_time = 0.0, 2e5, 0.0
     w.plant.conditioning, w.scatter[:] = 0.0, 0.0
     w.y[:] = w.state(10.0)
     found = solve_ivp(
         independent, (0.0, 0.2), w.y.copy(), args=(w,), rtol=1e-8, atol=1e-8, max_step=2e-3
     )
-    speeds = slice(w.bodies, 2 * w.bodies + w.axles.size)
+    speeds = slice(w.bodies, 2 * w.bodies + w.wheelsets.size)
     assert np.allclose(w.run(0.2, step=0.0005)[speeds], found.y[speeds, -1], atol=1e-6)
 
 
@@ -259,9 +260,9 @@ def test_driving_is_braking_in_a_mirror(form):
     w.retard, w.line, w.patches = w.effort, LINE.rows(1), w.patches[1:]
     y, b = w.state(10.0), w.bodies
     forward, flip = w.slope(y), np.ones(y.size)
-    flip[: 2 * b + w.axles.size + w.units.size] = -1.0
-    w.units.applied *= -1.0
-    w.axles.unloading *= -1.0
+    flip[: 2 * b + w.wheelsets.size + w.drives.size] = -1.0
+    w.drives.applied *= -1.0
+    w.wheelsets.unloading *= -1.0
     np.testing.assert_allclose(w.slope(y * flip), forward * flip, rtol=1e-9, atol=1e-6)
 
 
@@ -269,20 +270,20 @@ def wheels_after(step, period=0.02, seconds=0.02):
     """Angular speeds beyond the peak of a rail whose adhesion changes in time, smoothly."""
     w = Train("rigid", scatter_length=0.0, conditioning=0.0, pitches=0, receptivity_amplitude=0.0)
     w.patches = PATCH.rows(1, factor=3.0, begin=0.02, fade=0.1)
-    w.axles.static_load, w.axles.inertia, w.brakes.dead_time, w.units.slip_torque = (
+    w.wheelsets.static_load, w.wheelsets.inertia, w.cylinders.dead_time, w.drives.slip_torque = (
         2e4,
         300.0,
         0.0,
         0.0,
     )
-    w.axles.law_numerator, w.axles.law_constant, w.axles.increment = (
+    w.wheelsets.law_numerator, w.wheelsets.law_constant, w.wheelsets.increment = (
         0.0,
         0.03,
         0.0,
     )  # no kinks in time
     w.effort[:] = w.retard[:] = 1e3
-    w.asked.pressure_target, w.units.applied = 0.0, 300.0
-    w.y[1], w.y[2:14] = 5.0, 5.3 / w.axles.radius
+    w.commands.pressure_target, w.drives.applied = 0.0, 300.0
+    w.y[1], w.y[2:14] = 5.0, 5.3 / w.wheelsets.radius
     return w.run(seconds, step, period)[2:14].copy()
 
 
@@ -301,41 +302,41 @@ def test_neither_half_the_step_nor_the_period_matters():
 @looped("kind", CURVES)
 def test_steps_are_as_short_as_the_contacts_need(kind):
     w = Train("three cars", kind)
-    most = (w.axles.law_numerator / w.plant.law_offset + w.axles.law_constant).max()
+    most = (w.wheelsets.law_numerator / w.plant.law_offset + w.wheelsets.law_constant).max()
     most = (1.4 * most + 0.06) * (1.0 + w.plant.conditioning)  # patch, increments and scatter
-    shortest = plant.find_rates(w.axles, w.cars, w.units, w.brakes, w.curve, most, w.plant)
+    shortest = plant.find_rates(w.wheelsets, w.cars, w.drives, w.cylinders, w.curve, most, w.plant)
     assert shortest <= w.plant.step
     for speed in (0.5, 15.0):  # where the curve goes by creep, a fast train takes longer steps
         start, found = w.state(speed), []
         for step in (event.STEP, shortest / 4):
-            w.y[:], w.axles.cell, w.rail[:] = start, 0, 0.0
+            w.y[:], w.wheelsets.cell, w.rail[:] = start, 0, 0.0
             found.append(w.run(0.5, step)[3:6].copy())
         assert np.allclose(*found, atol=0.005)
 
 
 def test_a_locked_wheel_stays_locked_until_it_is_released():
     w = Train("one car", conditioning=0.0)
-    w.brakes.dead_time, w.brakes.fill_time, w.units.applied, w.units.slip_torque = (
+    w.cylinders.dead_time, w.cylinders.fill_time, w.drives.applied, w.drives.slip_torque = (
         0.0,
         0.05,
         0.0,
         0.0,
     )
-    w.axles.shoe_gain = 0.5
-    w.y[0], w.y[1], w.y[2:6] = 100.0, 20.0, 20.0 / w.axles.radius
+    w.wheelsets.shoe_gain = 0.5
+    w.y[0], w.y[1], w.y[2:6] = 100.0, 20.0, 20.0 / w.wheelsets.radius
     w.run(1.5)
     assert np.all(np.abs(w.y[2:6]) < 1e-9)
     assert 10.0 < w.y[1] < 19.5
-    w.asked.pressure_target, speed = 0.0, w.y[1]
+    w.commands.pressure_target, speed = 0.0, w.y[1]
     w.run(3.0)
-    assert np.allclose(w.axles.radius * w.y[2:6], w.y[1], atol=0.1)
+    assert np.allclose(w.wheelsets.radius * w.y[2:6], w.y[1], atol=0.1)
     assert w.y[1] < speed
 
 
 def test_cylinders_respond_after_their_dead_time_as_asked():
     w = Train("one car")
-    w.brakes.dead_time, w.brakes.fill_time = [0.0, 0.025], 0.4
-    w.asked.valve[20:, 0] = 1.0
+    w.cylinders.dead_time, w.cylinders.fill_time = [0.0, 0.025], 0.4
+    w.commands.valve[20:, 0] = 1.0
     w.run(0.3, step=0.0025)
     pressure = w.y[2 + 4 + 1 :][:2]
     assert pressure == pytest.approx(2e5 * (1.0 - np.exp(-np.array([0.2, 0.275]) / 0.4)), rel=1e-6)
@@ -349,64 +350,55 @@ def test_wheels_that_slip_clean_the_rail_for_those_behind():
             recovered_coefficient=recovered,
             scatter_length=0.0,
         )
-        w.patches, w.axles.cleaned, w.axles.recovery, w.asked.pressure_target = (
+        w.patches, w.wheelsets.cleaned, w.wheelsets.recovery, w.commands.pressure_target = (
             w.patches[:0],
             0.0,
             0.0,
             0.0,
         )
-        w.units.applied = [2.5e3, 0.0, 0.0]
-        w.effort[:], w.axles.increment = 4e3, -0.05
-        w.y[0], w.y[1], w.y[2:14] = 100.0, 15.0, 15.0 / w.axles.radius
+        w.drives.applied = [2.5e3, 0.0, 0.0]
+        w.effort[:], w.wheelsets.increment = 4e3, -0.05
+        w.y[0], w.y[1], w.y[2:14] = 100.0, 15.0, 15.0 / w.wheelsets.radius
         w.run(2.5)
-        slip = np.abs(w.axles.slip_velocity)
+        slip = np.abs(w.wheelsets.slip_velocity)
         assert slip[:2].min() > 0.5 > 0.1 > slip[2:].max()
-        assert w.axles.cleaned[0] == 0.0
-        assert np.all(w.axles.cleaned[2:6] > 0.1)
-        assert w.axles.recovery.max() == (w.axles.recovery[:2].max() if recovered else 0.0)
+        assert w.wheelsets.cleaned[0] == 0.0
+        assert np.all(w.wheelsets.cleaned[2:6] > 0.1)
+        assert w.wheelsets.recovery.max() == (w.wheelsets.recovery[:2].max() if recovered else 0.0)
 
 
 def test_a_failed_unit_pulls_no_more():
     w = Train("rigid", conditioning=0.0)
-    w.units.failure[0], w.y[0], w.y[1], w.y[2:14] = 0.2, 100.0, 10.0, 10.0 / w.axles.radius
-    w.asked.pressure_target, w.units.applied, w.effort[:] = 0.0, 500.0, 4e3
+    w.drives.failure[0], w.y[0], w.y[1], w.y[2:14] = 0.2, 100.0, 10.0, 10.0 / w.wheelsets.radius
+    w.commands.pressure_target, w.drives.applied, w.effort[:] = 0.0, 500.0, 4e3
     assert np.allclose(w.run(1.0)[14:17], [0.0, 500.0, 500.0], atol=0.1)
 
 
 def test_the_record_has_what_follows_from_the_state():
-    w, run = Train("three cars"), RUN.rows(1)[0]
-    y = w.state(10.0)
+    w = Train("three cars")
+    y, row = w.state(10.0), w.plant
     dy = w.slope(y)
-    plant.note(y, dy, w.axles, w.cars, w.units, w.brakes, w.plant, run)
-    assert (run.position, run.motor_work, run.coupler_work) == (y[0], y[-4], y[-1])
-    assert run.speed == pytest.approx(w.cars.mass @ y[3:6] / w.cars.mass.sum())
-    assert run.acceleration == pytest.approx(w.cars.mass @ dy[3:6] / w.cars.mass.sum())
-    assert np.array_equal(w.axles.rim_speed, w.axles.radius * y[6:18])
-    assert np.array_equal(w.brakes.cylinder_pressure, y[21:27])
+    plant.note(y, dy, w.wheelsets, w.cars, w.drives, w.cylinders, row)
+    assert (row.position, row.motor_work, row.coupler_work) == (y[0], y[-4], y[-1])
+    assert row.speed == pytest.approx(w.cars.mass @ y[3:6] / w.cars.mass.sum())
+    assert row.acceleration == pytest.approx(w.cars.mass @ dy[3:6] / w.cars.mass.sum())
+    assert np.array_equal(w.wheelsets.rim_speed, w.wheelsets.radius * y[6:18])
+    assert np.array_equal(w.cylinders.cylinder_pressure, y[21:27])
 
 
-def test_the_oracle_knows_what_the_next_steps_carry():
+def test_the_oracle_is_told_what_the_next_steps_carry():
     w, run = Train("rigid", conditioning=0.0, scatter_length=0.0, pitches=0), RUN.rows(1)[0]
-    w.patches, w.units.load, w.brakes.unit = (
-        PATCH.rows(1, factor=0.5, start=101.0, edge=0.01),
-        1e5,
-        -1,
-    )
-    w.axles.static_load, w.axles.increment, w.axles.law_numerator, w.axles.law_constant = (
-        1e5,
-        0.0,
-        0.0,
-        0.2,
-    )
-    for speed, truth in (
-        (0.0, 0.2 * plant.USED),
-        (40.0, 0.1 * plant.USED),
-    ):  # at 40 m/s the front is on the patch within 0.15 s
-        w.y[0], w.y[1], w.y[2:14] = 100.0, speed, speed / w.axles.radius
-        plant.true_limits(0.0, w.y, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
-                          w.curve, w.scatter, w.plant, run)  # fmt: skip
-        assert w.units.truth[0] == pytest.approx(truth)
-        assert w.units.truth[2] == pytest.approx(0.2 * plant.USED)
+    w.patches = PATCH.rows(1, factor=0.5, start=101.0, edge=0.01)
+    w.wheelsets.static_load, w.wheelsets.increment = 1e5, 0.0
+    w.wheelsets.law_numerator, w.wheelsets.law_constant = 0.0, 0.2
+    units, brakes = UNIT.rows(3, load=1e5), BRAKE.rows(6)
+    rows = [getattr(w, name) for name in (*ROWS[1:12], "plant")]
+    # at 40 m/s the front is on the patch within 0.15 s
+    for speed, truth in ((0.0, 0.2 * wire.USED), (40.0, 0.1 * wire.USED)):
+        w.y[0], w.y[1], w.y[2:14] = 100.0, speed, speed / w.wheelsets.radius
+        wire.tell_limits(0.0, w.y, *rows, units, brakes, run)
+        assert units.truth[0] == pytest.approx(truth)
+        assert units.truth[2] == pytest.approx(0.2 * wire.USED)
 
 
 @looped("form", FORMS)
@@ -425,9 +417,9 @@ def test_compiled_and_plain_python_agree(form):
             plain.run(0.02)
         assert np.allclose(w.y, plain.y, rtol=1e-12, atol=1e-12)
         for rows, others in (
-            (w.axles, plain.axles),
+            (w.wheelsets, plain.wheelsets),
             (w.cars, plain.cars),
-            (w.brakes, plain.brakes),
+            (w.cylinders, plain.cylinders),
         ):
             assert all(
                 np.allclose(rows[key], others[key], rtol=1e-12, atol=1e-12)

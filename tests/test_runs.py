@@ -16,6 +16,7 @@ from alloc.run.event import DriverCommand, Event
 from alloc.run.recording import load, save
 from alloc.run.simulation import Simulation, simulate
 from alloc.schema.errors import InputError
+from studies.files import scenario
 
 PULL, STOP = DriverCommand((0.0,), (0.8,)), DriverCommand((0.0,), (-1.0,))
 
@@ -121,12 +122,33 @@ def test_a_rarer_record_is_the_same_run():
 def test_stopping_between_instants_changes_nothing():
     run = Simulation(event(duration=2.0), "cooperative", "cut-and-ramp")
     while run.tick < 100:
-        run.aim()
-        run.command()
-        run.go()
-    run.go_on()
+        run.plan_instant()
+        run.command_units()
+        run.finish_instant()
+    run.run_to_end()
     whole = simulate(event(duration=2.0), "cooperative", "cut-and-ramp")
     np.testing.assert_array_equal(run.recorded()["rim_speed"].values, whole["rim_speed"].values)
+
+
+PARTS = [(rule, "perturb-observe") for rule in RULES.shipped()]
+PARTS += [("cooperative", controller) for controller in CONTROLLERS.shipped()]
+
+
+@pytest.mark.parametrize(("rule", "controller"), PARTS)
+@pytest.mark.parametrize("name", ["lost-sensors", "wet-stop"])
+def test_what_is_commanded_is_the_same_with_all_that_is_true_nan(name, rule, controller):
+    """The law of the house: nothing on board reads the plant but over the wire."""
+    one = scenario.load(name).changed(duration_s=1.0).event(1)
+    seen, blind = Simulation(one, rule, controller), Simulation(one, rule, controller)
+    seen.run_to_end()
+    blind.run_blind()
+    for table, columns in (
+        ("units", ["torque_command", "wanted"]),
+        ("cylinders", ["pressure_target", "valve"]),
+    ):
+        for column in columns:
+            commands = [getattr(run.recording, table)[column] for run in (seen, blind)]
+            np.testing.assert_array_equal(*commands)
 
 
 def test_a_file_gives_the_run_back(tmp_path):

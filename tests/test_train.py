@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 from alloc.laws import GRAVITY
+from alloc.onboard.rows import radius_errors
 from alloc.onboard.settings import Dropout, Onboard, Sensors
 from alloc.plant.curves import CURVES, own_curve
 from alloc.plant.rail import Line, Patch, Rail
-from alloc.plant.rows import level_for, offered_by, rows_of, train_rows
+from alloc.plant.rows import level_for, offered_by, planned_coefficients, rows_of
 from alloc.plant.train import AirBrake, Car, Coupler, Motors, Train
 from alloc.plant.trains import TRAINS, find_train
 from alloc.run.event import DriverCommand, Event
+from alloc.run.world import believed_train
 from alloc.schema.errors import InputError
 from alloc.schema.parameters import Parameters, meanings
 from tests.cases import looped
@@ -39,7 +41,7 @@ every_train = looped("train", EVERY_TRAIN)
 def test_rows_are_the_sums_of_the_cars(train):
     rows, weight = rows_of(train), 0.0
     for c, car in enumerate(train.cars):
-        mine = rows.axles[rows.axles.car == c]
+        mine = rows.wheelsets[rows.wheelsets.car == c]
         weight = (car.mass + car.load) * 9.80665 * sum(car.axle_load_share or (1.0,))
         assert mine.static_load.sum() == pytest.approx(weight)
         assert (mine.gear > 0.0).tolist() == (mine.unit >= 0).tolist() == list(car.powered)
@@ -48,38 +50,42 @@ def test_rows_are_the_sums_of_the_cars(train):
     names = "resistance", "resistance_linear", "resistance_quadratic"
     assert [rows.cars[name].sum() for name in names] == pytest.approx(train.resistance)
     assert rows.cars.mass.sum() == pytest.approx(train.mass)
-    turning = rows.axles.inertia / rows.axles.radius**2
+    turning = rows.wheelsets.inertia / rows.wheelsets.radius**2
     assert turning.sum() == pytest.approx(train.rotating_mass)
-    assert rows.plant["body_mass"] == (train.mass if train.couplers is None else 0.0)
-    assert (rows.axles.body == rows.axles.car * (train.couplers is not None)).all()
+    assert (rows.wheelsets.body == rows.wheelsets.car * (train.couplers is not None)).all()
 
 
 @every_train
 def test_units_and_brakes_count_from_the_front_and_know_their_axles(train):
     rows = rows_of(train)
-    for kind, member in ((rows.units, rows.axles.unit), (rows.brakes, rows.axles.brake)):
+    _, units, brakes, _ = believed_train(rows, train, Onboard())
+    for kind, member in ((units, rows.wheelsets.unit), (brakes, rows.wheelsets.brake)):
         assert [int((member == k).sum()) for k in range(kind.size)] == kind.axles.tolist()
         assert np.unique(member[member >= 0]).tolist() == list(range(kind.size))
         assert (np.diff(member[member >= 0]) >= 0).all()
-        mean = [rows.axles.static_load[member == k].mean() for k in range(kind.size)]
+        mean = [rows.wheelsets.static_load[member == k].mean() for k in range(kind.size)]
         assert kind.load == pytest.approx(mean)
-    for g, brake in enumerate(rows.brakes):
-        assert brake.unit == rows.axles.unit[rows.axles.brake == g].max()
+    for g, brake in enumerate(brakes):
+        assert brake.unit == rows.wheelsets.unit[rows.wheelsets.brake == g].max()
 
 
 @every_train
 def test_the_plan_moves_the_train_and_turns_the_wheels_that_do_not_act(train):
     rows = rows_of(train)
-    driven, turning = rows.axles.unit >= 0, rows.axles.inertia / rows.axles.radius**2
-    braked = driven | (rows.axles.brake >= 0)
+    _, units, _, believed = believed_train(rows, train, Onboard())
+    wheels, load = rows.wheelsets, rows.wheelsets.static_load
+    blended = rows.cylinders.size > 0 or rows.drives.size == 0
+    plans = planned_coefficients(wheels, wheels.inertia, load, train.mass, True, blended)
+    driven, turning = rows.wheelsets.unit >= 0, rows.wheelsets.inertia / rows.wheelsets.radius**2
+    braked = driven | (rows.wheelsets.brake >= 0)
     for name, acting in (("planned", driven), ("brake_planned", braked)):
-        force = rows.plant[name] * rows.axles.static_load[acting].sum()
+        force = plans[name] * rows.wheelsets.static_load[acting].sum()
         needed = train.mass + turning[~acting].sum() if acting.any() else 0.0
         assert force == pytest.approx(needed)
-        assert rows.onboard[name] == pytest.approx(rows.plant[name])
-    for j, unit in enumerate(rows.units):
-        own = turning[rows.axles.unit == j].mean()
-        assert unit.turning * rows.plant["planned"] * unit.load == pytest.approx(own)
+        assert believed[name] == pytest.approx(plans[name])
+    for j, unit in enumerate(units):
+        own = turning[rows.wheelsets.unit == j].mean()
+        assert unit.turning * plans["planned"] * unit.load == pytest.approx(own)
 
 
 @every_train
@@ -97,10 +103,10 @@ def test_a_train_reversed_twice_is_itself(train):
         "brake",
         "unloading",
     ):
-        assert again.axles[name] == pytest.approx(there.axles[name])
+        assert again.wheelsets[name] == pytest.approx(there.wheelsets[name])
         if name in ("static_load", "inertia", "gear", "shoe_gain"):
-            assert back.axles[name][::-1] == pytest.approx(there.axles[name])
-    assert -train.length - back.axles.offset[::-1] == pytest.approx(there.axles.offset)
+            assert back.wheelsets[name][::-1] == pytest.approx(there.wheelsets[name])
+    assert -train.length - back.wheelsets.offset[::-1] == pytest.approx(there.wheelsets.offset)
     assert back.cars.stiffness[:-1][::-1] == pytest.approx(there.cars.stiffness[:-1])
 
 
@@ -119,12 +125,14 @@ def test_a_load_rests_on_its_car_and_is_believed_as_measured(train):
     loads = [1000.0 * (1 + c) for c in range(len(train.cars))]
     empty, full = train.loaded([0.0] * len(loads)), train.loaded(loads)
     assert full.mass - empty.mass == pytest.approx(sum(loads))
-    more = rows_of(full).axles.static_load - rows_of(empty).axles.static_load
+    more = rows_of(full).wheelsets.static_load - rows_of(empty).wheelsets.static_load
     share = np.concatenate([car.shares for car in train.cars])
-    assert more == pytest.approx(GRAVITY * np.array(loads)[rows_of(full).axles.car] * share)
-    wrong, right = train_rows(empty, loads=loads), rows_of(full)
-    assert wrong.units.load == pytest.approx(right.units.load)
-    assert (wrong.axles.static_load == rows_of(empty).axles.static_load).all()
+    assert more == pytest.approx(GRAVITY * np.array(loads)[rows_of(full).wheelsets.car] * share)
+    errors = np.random.default_rng(5).standard_normal(len(loads))
+    measured = train.loaded((loads * (1.0 + 0.1 * errors)).tolist())
+    wrong = believed_train(rows_of(full), full, Onboard(sensors=Sensors(load_error=0.1, seed=5)))
+    right = believed_train(rows_of(measured), measured, Onboard())
+    assert wrong[1].load == pytest.approx(right[1].load)
 
 
 def test_torque_limits_follow_torque_power_pull_out_and_fading():
@@ -151,26 +159,39 @@ def test_torque_limits_follow_torque_power_pull_out_and_fading():
 @looped("train", [find_train("freight-17"), find_train("freight-17").reversed()])
 def test_a_command_runs_along_the_brake_pipe_from_the_head_of_the_train(train):
     rows, front = rows_of(train), np.cumsum([0.0, *(car.length for car in train.cars)])
-    for g, group in enumerate(rows.brakes):
-        car = rows.axles.car[rows.axles.brake == g][0]
+    for g, group in enumerate(rows.cylinders):
+        car = rows.wheelsets.car[rows.wheelsets.brake == g][0]
         brake = train.cars[car].air_brake
         assert group.dead_time == pytest.approx(brake.dead_time + front[car] / 250.0)
         assert (group.fill_time, group.release_time) == (brake.lag, brake.release_lag) == (3.0, 6.0)
 
 
-def test_what_the_computers_cannot_know_is_in_other_columns():
-    rows = train_rows(UNEQUAL, radius_errors=0.01 * np.arange(10))
-    assert rows.axles.believed_radius == pytest.approx(
-        rows.axles.radius * (1.0 + 0.01 * np.arange(10))
-    )
-    assert rows.units.radius == pytest.approx([0.4 * 1.005, 0.4 * 1.02, 0.4 * 1.065, 0.4 * 1.08])
-    cut = rows.axles.brake % 2 == 1
-    assert (rows.axles.shoe_gain[cut] == 0.0).all()
-    assert rows.axles.shoe_gain[~cut] == pytest.approx(0.8 * 0.05)
-    assert rows.brakes.gain == pytest.approx(0.05)
-    assert rows.units.slip_torque == pytest.approx(2.0 * 2.5 * 1000.0 / (10.0 * math.pi))
+def test_what_the_computers_cannot_know_is_in_other_tables():
+    rows, wrong = rows_of(UNEQUAL), Onboard(sensors=Sensors(radius_error=0.01, seed=2))
+    errors = radius_errors(wrong, 10)
+    axles, units, brakes, _ = believed_train(rows, UNEQUAL, wrong)
+    assert axles.radius == pytest.approx(rows.wheelsets.radius * (1.0 + errors))
+    assert [axles.radius[axles.unit == j].mean() for j in range(4)] == pytest.approx(units.radius)
+    cut = rows.wheelsets.brake % 2 == 1
+    assert (rows.wheelsets.shoe_gain[cut] == 0.0).all()
+    assert rows.wheelsets.shoe_gain[~cut] == pytest.approx(0.8 * 0.05)
+    assert brakes.gain == pytest.approx(0.05)
+    assert rows.drives.slip_torque == pytest.approx(2.0 * 2.5 * 1000.0 / (10.0 * math.pi))
     assert replace(MOTORS, inverter_group="1C1M").slip_torque(1000.0) == 0.0  # its own inverter
     assert rows.cars.stiffness.tolist() == [1e7, 2e7, 0.0]
+
+
+@looped(("factor", "columns"), [
+    ("lag_factor", {"unit": {"lag"}}),
+    ("inertia_factor", {"axle": {"inertia"}, "unit": {"inertia", "turning", "brake_turning"}, "brake": {"turning"}}),
+    ("brake_factor", {"brake": {"gain"}}),
+])  # fmt: skip
+def test_a_wrong_belief_changes_believed_columns_alone(factor, columns):
+    onboard = Onboard().with_settings({f"belief.{factor}": 1.3})
+    rows = [believed_train(rows_of(UNEQUAL), UNEQUAL, one) for one in (Onboard(), onboard)]
+    for name, right, wrong in zip(("axle", "unit", "brake"), *rows, strict=False):
+        changed = {key for key in right.dtype.names if right[key].tobytes() != wrong[key].tobytes()}
+        assert changed == columns.get(name, set())
 
 
 @looped("name", CURVES.shipped())

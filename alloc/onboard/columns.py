@@ -1,13 +1,11 @@
-"""The tables of a run: what the plant is and does, what the train's computers know and decide.
+"""The tables of the computers on board: what is known, believed, decided.
 
 On board everything counts in the direction of the demand: torques, limits and slips are positive while wheels are driven or
-braked as asked, and `RUN.sign` says which way that is. In the plant, traction is positive.
+braked as asked, and `RUN.sign` says which way that is. What computers believe of the train has columns of its own here; by
+default it is the truth. Readings come, and commands go, over `alloc.run.wire`.
 
-A column is a line, or a field of a record.
+A column is a line, or a field of a setting.
 """
-
-import math
-from dataclasses import replace
 
 from alloc.onboard.settings import (
     Braking,
@@ -19,85 +17,37 @@ from alloc.onboard.settings import (
     SlideProtection,
     Telegrams,
     Threshold,
-)  # fmt: skip
-from alloc.plant.rail import LINE, PATCH, Rail, Receptivity
-from alloc.plant.train import Coupler
-from alloc.schema.tables import Column, Table, columns_of
+)
+from alloc.schema.tables import INF, NAN, ONE, Column, Table, columns_of
 
 # fmt: off
 
-INF, NAN = math.inf, math.nan
-ONE = "1"
 NEVER = -1e9
 """An instant before every run [s]."""
 
 AXLE = Table(
     "axle",
-    # the train
-    car=Column(0, ONE, "car of the axle, 0 = foremost"),
-    body=Column(0, ONE, "body that it pushes: its car, or 0, the whole rigid train"),
+    # the train, as believed
     unit=Column(-1, ONE, "traction unit of the axle, 0 = foremost, -1: none"),
     brake=Column(-1, ONE, "air brake group of the axle, 0 = foremost, -1: none"),
-    offset=Column(0.0, "m", "position from the train's front, negative"),
     radius=Column(0.43, "m", "wheel radius"),
     inertia=Column(100.0, "kg m2", "inertia of the wheelset with what is geared to it, at the wheel"),
     gear=Column(0.0, ONE, "gear ratio; 0: not driven"),
-    static_load=Column(1e5, "N", "axle load at rest"),
-    unloading=Column(0.0, ONE, "axle load lost per newton of the car's rail force"),
-    shoe_gain=Column(0.0, "N Pa-1", "shoe force at the rim over cylinder pressure, before friction"),
-    # the rail under it
-    law_numerator=Column(0.0, "km h-1", "numerator of the speed law of adhesion", source="JP5484215 (12)"),
-    law_constant=Column(0.15, ONE, "constant of the speed law of adhesion"),
-    increment=Column(0.0, ONE, "growth of adhesion along the train", source="JP5484215 (15)"),
-    contact=Column(1.0, ONE, "creep stiffness of its contacts over that of the curve"),
-    # of the instant
-    cleaned=Column(0.0, ONE, "degree to which wheels ahead have cleaned the rail under it", source="JP4209318 par. 0051"),
-    recovery=Column(0.0, ONE, "degree to which dissipated energy has cleaned its own contact"),
-    cell=Column(0, ONE, "last cell of rail that it has left behind"),
-    offered=Column(0.0, ONE, "adhesion coefficient that the rail offers, parameter of the curve", True),
-    coefficient=Column(0.0, ONE, "tangential force coefficient", True),
-    axle_load=Column(0.0, "N", "axle load", True),
-    rail_force=Column(0.0, "N", "tangential force between wheel and rail", True),
-    brake_force=Column(0.0, "N", "force of the brake shoes at the rim, against its rotation", True),
-    slip_velocity=Column(0.0, "m s-1", "slip velocity, positive driving", True),
-    rim_speed=Column(0.0, "m s-1", "circumferential speed of the wheels", True),
-    friction_work=Column(0.0, "J", "work dissipated between wheel and rail", True),
-    # on board
-    believed_radius=Column(0.43, "m", "wheel radius as the computers have it"),
-    sensed=Column(1, ONE, "whether its speed is measured"),
-    lost=Column(1e9, "s", "instant from which its speed signal is lost"),
-    back=Column(1e9, "s", "instant at which that signal is back"),
+    # as read
+    seen=Column(1, ONE, "whether its speed is known: it has a sensor, whose signal is not lost"),
+    was_seen=Column(1, ONE, "the same a period ago"),
+    signal=Column(0.0, "m s-1", "rim speed that its sensor gives"),
+    true_speed=Column(0.0, "m s-1", "true speed of its car, where the computers are given it"),
+    # as sensed
     reading=Column(0.0, "m s-1", "rim speed as read"),
     ahead=Column(0.0, "m s-1", "how far it runs ahead of the reference speed, mean of the last tenth of a second"),
     slide=Column(0.0, "m s-1", "its slide behind the filter of the slide protection"),
 )
 
-CAR = Table(
-    "car",
-    body=Column(0, ONE, "body that it is part of: itself, or 0, the whole rigid train"),
-    mass=Column(4e4, "kg", "mass with load"),
-    middle=Column(0.0, "m", "its middle from the train's front, negative"),
-    resistance=Column(0.0, "N", "running resistance at rest"),
-    resistance_linear=Column(0.0, "N s m-1", "part of the running resistance that grows with the speed"),
-    resistance_quadratic=Column(0.0, "N s2 m-2", "part that grows with its square, the air's"),
-    **{key: replace(one, default=0.0) for key, one in columns_of(Coupler).items()},  # of the one behind it
-    # of the instant
-    force=Column(0.0, "N", "rail force of its axles"),
-    pitch=Column(0.0, ONE, "sum of its axles' coefficients times unloading"),
-    car_speed=Column(0.0, "m s-1", "speed of the car", True),
-    car_acceleration=Column(0.0, "m s-2", "acceleration of the car", True),
-    coupler_force=Column(0.0, "N", "force of the coupler behind the car, tension positive", True),
-)
-
 UNIT = Table(
     "unit",
-    # the train, true
-    lag=Column(0.005, "s", "time constant of the torque", source="readhesion paper, section 2.2"),
-    failure=Column(1e9, "s", "instant at which its motors fail"),
-    slip_torque=Column(0.0, "N m s rad-1", "motors in parallel on one frequency: torque over speed between motor and field"),
-    true_radius=Column(0.43, "m", "wheel radius"),
-    applied=Column(0.0, "N m", "torque command to each motor, positive driving"),
     # the train, as believed
+    lag=Column(0.005, "s", "time constant of the torque", source="readhesion paper, section 2.2"),
     axles=Column(4, ONE, "number of its axles"),
     load=Column(1e5, "N", "mean load of its axles"),
     mass_share=Column(1.0, ONE, "load on its axles over the mean of all units"),
@@ -110,13 +60,14 @@ UNIT = Table(
     brake_turning=Column(0.0, ONE, "the same in blended braking"),
     increment=Column(0.0, ONE, "increment of adhesion over the foremost unit", source="JP5484215 (5)"),
     deviation=Column(0.0, ONE, "standard deviation of its cap about the truth"),
-    # as sensed
+    # as read
     works=Column(1, ONE, "whether its motors work, as the train knows", True),
+    motor_torque=Column(0.0, "N m", "torque of each motor", True),
+    unseen=Column(0.0, "m s-1", "sum of the rim speeds of its other axles, by its motors' speed at the inverter"),
+    # as sensed
     seen=Column(4, ONE, "number of its axles whose speed is known"),
     rim=Column(0.0, "m s-1", "mean rim speed of its axles whose speed is known"),
-    unseen=Column(0.0, "m s-1", "sum of the rim speeds of its other axles, by its motors' speed at the inverter"),
     runs_away=Column(0, ONE, "whether those are seen to run away", True),
-    motor_torque=Column(0.0, "N m", "torque of each motor", True),
     drive_limit=Column(0.0, "N m", "most that each motor can pull with at its rim speed"),
     brake_limit=Column(0.0, "N m", "most that each motor can brake with at its rim speed"),
     air=Column(0.0, "N", "air brake force per axle, by the pressure of its cylinders"),
@@ -150,6 +101,7 @@ UNIT = Table(
     torque_target=Column(0.0, "N m", "torque wanted of each motor under the limit", True),
     torque_command=Column(0.0, "N m", "torque command to each motor", True),
     eased=Column(1.0, ONE, "share of it that is applied, less than 1 to let its wheels roll", True),
+    applied=Column(0.0, "N m", "torque command to each motor, positive driving"),
     returns=Column(0, ONE, "whether one of its axles returns from slip"),
     foreseen=Column(0.0, "N m", "torque that its motors give if the line takes it"),
     taken=Column(INF, "N m", "braking torque that the line turns out to take"),
@@ -163,9 +115,6 @@ BRAKE = Table(
     "brake_group",  # a pair of valves, one per bogie
     unit=Column(-1, ONE, "traction unit on whose axles it acts, -1: a trailer's"),
     axles=Column(2, ONE, "number of its axles"),
-    fill_time=Column(0.4, "s", "time constant of filling"),
-    release_time=Column(0.4, "s", "time constant of releasing"),
-    dead_time=Column(0.1, "s", "time from a command to the valves' response"),
     most_pressure=Column(4e5, "Pa", "largest pressure"),
     friction_numerator=Column(0.0, "km h-1", "numerator of shoe friction over speed"),
     friction_offset=Column(1.0, "km h-1", "offset of shoe friction over speed"),
@@ -175,35 +124,10 @@ BRAKE = Table(
     turning=Column(0.0, ONE, "force that turns its wheelsets over what the rail receives, at the plan"),
     share=Column(1.0, ONE, "brake force asked of a trailer over its part of the plan"),
     most=Column(INF, "N", "force per axle that the oracle allows it"),
+    pressure=Column(0.0, "Pa", "brake cylinder pressure, as read"),
     severity=Column(0.0, ONE, "what its worst axle asks of the valves: 0 supply, 1 hold, 2 release"),
-    pressure_target=Column(0.0, "Pa", "pressure commanded", True),
-    valve=Column(0.0, ONE, "slide protection's valves: 0 supply, 1 hold, 2 release", True, "JP4209318"),
-    filling=Column(0.0, "Pa", "pressure to which it fills, behind the dead time"),
-    acting=Column(0.0, ONE, "position of its valves, behind the dead time"),
-    cylinder_pressure=Column(0.0, "Pa", "brake cylinder pressure", True),
-)
-
-PLANT = Table(
-    "plant",  # one row: what rail, line and integration have in common for all axles
-    period=Column(0.01, "s", "control period"),
-    step=Column(0.002, "s", "longest integration step"),
-    rate=Column(0.0, "s-1", "fastest rate of shoes, motors and couplers"),
-    contact_rate=Column(0.0, "s-1", "fastest rate of the contacts at standstill"),
-    body_mass=Column(0.0, "kg", "mass of a rigid train; 0: cars move by themselves"),
-    pitches=Column(0, ONE, "whether rail forces shift loads"),
-    parallel=Column(0, ONE, "whether motors of a unit share a frequency"),
-    curve_number=Column(0, ONE, "number of the adhesion curve in `alloc.plant.curves`"),
-    law_offset=Column(1.0, "km h-1", "offset of the speed law of adhesion"),
-    **columns_of(
-        Rail, "scatter_length", "conditioning", "conditioning_slip", "cleaning_spacing", "recovered_coefficient",
-        "recovery_energy", "recovery_time", "recovery_left",
-    ),
-    line_origin=Column(0.0, "m", "begin of the line's points"),
-    line_spacing=Column(5.0, "m", "distance of the line's points"),
-    **columns_of(Receptivity, prefix="receptivity_"),
-    receptivity_phase=Column(0.0, "rad", "phase of that share"),
-    planned=Column(0.0, "s2 m-1", "coefficient that each m/s2 asked for needs of every driven axle, by the true masses"),
-    brake_planned=Column(0.0, "s2 m-1", "the same of every axle that acts in blended braking"),
+    pressure_target=Column(0.0, "Pa", "pressure commanded"),
+    valve=Column(0.0, ONE, "slide protection's valves: 0 supply, 1 hold, 2 release", source="JP4209318"),
 )
 
 ONBOARD = Table(
@@ -252,14 +176,12 @@ RUN = Table(
     noise=Column(0.0, "m s-1", "standard deviation of a speed reading's noise"),
     time=Column(0.0, "s", "time", True),
     driver_command=Column(0.0, "m s-2", "acceleration asked for on level track", True),
-    planned_coefficient=Column(
-        0.0, ONE, "coefficient that the driver's command needs of every acting axle, by true masses", True
-    ),
     sign=Column(1.0, ONE, "direction of the demand: 1 pulling, -1 braking"),
     braking=Column(0, ONE, "whether brakes are blended now"),
     plan=Column(0.0, ONE, "coefficient that the plan needs, as the train computes it", True, "JP5484215 (6)"),
     needed=Column(0.0, ONE, "the plan, and what trailers' brakes lack of theirs", True),
     leader=Column(0, ONE, "foremost unit that works"),
+    true_speed=Column(0.0, "m s-1", "true speed of the train, where the computers are given it"),
     reference_speed=Column(0.0, "m s-1", "reference speed of the train", True),
     reference_deviation=Column(0.01, "m s-1", "standard deviation of the reference speed by its estimate", True),
     unknown=Column(0.0, "m s-2", "specific force that nothing explains"),
@@ -277,14 +199,6 @@ RUN = Table(
     asked=Column(0, ONE, "how often the rule was asked"),
     rule_faults=Column(0, ONE, "calls in which the rule's solver failed"),
     rule_gap=Column(NAN, ONE, "largest distance of its answers from the certified ones, over the plan; nan: none"),
-    # of the plant, for the record
-    position=Column(0.0, "m", "position of the train's front", True),
-    speed=Column(0.0, "m s-1", "mean speed of the train", True),
-    acceleration=Column(0.0, "m s-2", "mean acceleration of the train", True),
-    motor_work=Column(0.0, "J", "work of the motors at the wheels", True),
-    shoe_work=Column(0.0, "J", "work lost in brake shoes", True),
-    resistance_work=Column(0.0, "J", "work against resistance and gradient", True),
-    coupler_work=Column(0.0, "J", "work taken in by couplers", True),
 )
 
-TABLES = (AXLE, CAR, UNIT, BRAKE, PATCH, LINE, PLANT, ONBOARD, SLIDE, RUN)
+TABLES = (AXLE, UNIT, BRAKE, ONBOARD, SLIDE, RUN)

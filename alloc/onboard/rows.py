@@ -1,6 +1,7 @@
-"""What the computers on board are and believe, as rows: a train with its believed columns, and `ONBOARD`, `SLIDE`, `RUN`."""
+"""What the computers on board are, as rows of `ONBOARD`, `SLIDE` and `RUN`, and by how much their wheel radii are wrong."""
 
 import math
+from collections.abc import Mapping
 from typing import get_args
 
 import numpy as np
@@ -8,9 +9,6 @@ from numpy.typing import NDArray
 
 from alloc.onboard.columns import INF, ONBOARD, RUN, SLIDE
 from alloc.onboard.settings import Onboard, SlideLaw
-from alloc.plant.rows import TrainRows, train_rows
-from alloc.plant.train import Train
-from alloc.schema.errors import OnboardError
 from alloc.schema.tables import Rows, put
 
 COMPARED = 1e-4
@@ -20,44 +18,7 @@ FASTEST, QUIET = 40.0, 0.14
 deviation of computed accelerations is held to [1]: at pole 40 noise of 0.1 km/h is taken for slip, and cut-and-ramp cuts."""
 
 
-def believed_rows(onboard: Onboard, train: Train) -> TrainRows:
-    """Rows of `train` as these computers believe it; raises `OnboardError` where belief and train do not fit."""
-    sensors, belief, shares = onboard.sensors, onboard.belief, onboard.braking.car_shares
-    errors = np.random.default_rng(sensors.seed).standard_normal(len(train.cars))
-    loads = np.array([car.load for car in train.cars]) * (1.0 + sensors.load_error * errors)
-    radii = _radius_errors(onboard, train.axle_count)
-    rows = train_rows(
-        train, loads.tolist(), radii, onboard.inertia_in_limit, onboard.braking.blended
-    )
-    if not rows.units.size and not rows.brakes.size:
-        told = "the train has no traction unit and no air brake"
-        raise OnboardError(f"on board: {told}; give at least one driven axle, or an air brake")
-    for name, given, count, places in (
-        ("belief: increments", belief.increments, rows.axles.size, "axles"),
-        ("belief: unit_increments", belief.unit_increments, rows.units.size, "traction units"),
-        ("belief: unit_deviation", belief.unit_deviation, rows.units.size, "traction units"),
-        ("braking: car_shares", shares, rows.cars.size, "cars"),
-    ):
-        if given is not None and len(given) != count:
-            told = f"{len(given)} values for {count} {places}; give one for each from the front"
-            raise OnboardError(f"{name}: {told}")
-    grown = np.asarray(belief.increments or np.zeros(rows.axles.size))
-    for j, unit in enumerate(rows.units):
-        unit.increment = grown[rows.axles.unit == j].mean()
-    if belief.unit_increments is not None:
-        rows.units.increment = belief.unit_increments
-    rows.units.deviation = belief.unit_deviation or 0.0
-    for g, brake in enumerate(rows.brakes):
-        brake.share = 1.0 if shares is None else shares[rows.axles.car[rows.axles.brake == g][0]]
-    for one in sensors.dropouts:
-        if one.axle >= rows.axles.size:
-            told = f"axle = {one.axle} of a dropout, but the last axle is {rows.axles.size - 1}"
-            raise OnboardError(f"sensors: {told}")
-        rows.axles[one.axle].lost, rows.axles[one.axle].back = one.begin, one.until
-    return rows
-
-
-def _radius_errors(onboard: Onboard, axles: int) -> NDArray[np.float64]:
+def radius_errors(onboard: Onboard, axles: int) -> NDArray[np.float64]:
     """Relative errors of the wheel radii that the computers believe in, (axles,).
 
     Where the wheels were compared before the run, each error is that of all, and the posterior deviation of its own.
@@ -83,22 +44,19 @@ def detector_pole(onboard: Onboard, noise: float, axles: int) -> float:
     return FASTEST if keep <= 0.0 else min(FASTEST, -math.log(keep) / h)
 
 
-def onboard_rows(onboard: Onboard, rows: TrainRows, speed: float) -> tuple[Rows, Rows, Rows]:
-    """The rows of `ONBOARD`, `SLIDE` and `RUN` of a train that begins at `speed` [m/s]."""
+def onboard_rows(
+    onboard: Onboard, train: Mapping[str, float], watched: int, speed: float
+) -> tuple[Rows, Rows, Rows]:
+    """The rows of `ONBOARD`, `SLIDE` and `RUN` of a train that begins at `speed` [m/s].
+
+    `train`: what the computers believe of the train, by columns of `ONBOARD`; `watched`: axles of the shortest unit.
+    """
     detector, sensors, braking = onboard.detector, onboard.sensors, onboard.braking
-    slide, belief, telegrams = braking.slide_protection, onboard.belief, onboard.telegrams
-    resistance = {
-        one: belief.resistance_factor * rows.onboard[one]
-        for one in rows.onboard
-        if "resistance" in one
-    }
-    known = (
-        rows.onboard | resistance | {"train_mass": belief.mass_factor * rows.onboard["train_mass"]}
-    )
+    slide, telegrams = braking.slide_protection, onboard.telegrams
     # rounding is as uncertain as its quantum makes it
     noise = math.hypot(sensors.speed_noise, sensors.speed_quantum / math.sqrt(12.0))
     board = ONBOARD.rows(
-        1, **known, air_commanded=int(braking.air_force == "command"), true_speed=int(onboard.reference.source == "truth")
+        1, **train, air_commanded=int(braking.air_force == "command"), true_speed=int(onboard.reference.source == "truth")
     )  # fmt: skip
     valves = SLIDE.rows(
         1, protection=get_args(SlideLaw).index(slide.law), every=max(1, round(slide.period / onboard.period))
@@ -109,10 +67,10 @@ def onboard_rows(onboard: Onboard, rows: TrainRows, speed: float) -> tuple[Rows,
         (valves, slide.threshold, "threshold_"), (valves, slide.fuzzy, "fuzzy_"),
     ):  # fmt: skip
         put(row, record, prefix)
-    board.detector_pole = detector_pole(onboard, noise, int(rows.units.axles.min(initial=4)))
+    board.detector_pole = detector_pole(onboard, noise, watched)
     run = RUN.rows(
         1, period=onboard.period, telegram=telegrams.period, rise=onboard.rise_time, hold=onboard.hold_time,
         limit_rate=INF if onboard.limit_rate is None else onboard.limit_rate,
-        reference_speed=speed, before=speed, speed=speed, noise=noise,
+        reference_speed=speed, before=speed, noise=noise,
     )  # fmt: skip
     return board, valves, run

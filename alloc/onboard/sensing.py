@@ -1,6 +1,6 @@
 """What each unit senses in a control period, and what it reports: speeds, slip signal, coefficient, limits.
 
-In: the plant's state with the noise, quantisation and wrong radii of the sensors. Out: columns of axles and units.
+In: what has been read over the wire (`alloc.run.wire`). Out: columns of axles and units.
 
 An axle without a signal is taken to roll at the reference speed, and a unit's speed is that of its other axles. Nothing in
 their readings betrays that it slips. So its unit is asked for less (`sight`), and the inverter watches it: from voltage and
@@ -12,9 +12,9 @@ import math
 from alloc.backends import compiled as law
 from alloc.compilation import jit
 from alloc.onboard.reference_speed import SHORTEST, estimate_speed
-from alloc.plant.dynamics import look_up, places
+from alloc.schema.tables import look_up
 
-KNOWN = 0.1
+NOTICED = 0.1
 """Time after which the train knows that a unit has failed [s]."""
 ROUNDING = 1e-9
 """Tolerance of instants, which are multiples of the control period [s]."""
@@ -37,30 +37,25 @@ WATCHED, WATCHED_SHARE = 1.0, 0.1
 
 
 @jit
-def sense(y, noise, axles, cars, units, brakes, effort, retard, plant, onboard, run):
+def sense(axles, units, brakes, effort, retard, onboard, run):
     """Everything sensed in this instant: reference speed, then each unit's limits, coefficient, slip signal.
 
-    `y`: the plant's state; `noise` (axles,) of the speed sensors [m/s]; `effort`, `retard` (units, speeds) [N m].
+    `effort`, `retard`: largest torques of the motors as the computers have them [N m], (units, speeds).
     """
-    bodies, omega, torque, pressure = places(axles, cars, units, brakes, plant)[:4]
-    for g in range(brakes.size):
-        brakes[g].cylinder_pressure = y[pressure + g]
     before = run.reference_speed
-    force, lead, rolling, sure = read_axles(y, noise, axles, units, omega, torque, onboard, run)
+    force, lead, rolling, sure = sense_axles(axles, units, onboard, run)
     force -= read_shoes(axles, units, brakes, onboard, run)
     if onboard.true_speed:
-        run.reference_speed = y[bodies]
+        run.reference_speed = run.true_speed
     elif run.time > 0.0:
         estimate_speed(axles, run, onboard, force, lead, rolling, sure)
     for a in axles:
-        if a.unit >= 0 and is_seen(a, run.time):
+        if a.unit >= 0 and a.seen:
             u = units[a.unit]
-            speed = y[bodies + a.body] if onboard.true_speed else run.reference_speed
+            speed = a.true_speed if onboard.true_speed else run.reference_speed
             u.worst_slip = max(u.worst_slip, run.sign * (a.reading - speed))
     for j in range(units.size):
         u = units[j]
-        u.works = 1 if run.time < u.failure + KNOWN - ROUNDING else 0
-        u.motor_torque = run.sign * y[torque + j]
         if u.seen == 0:
             u.rim, u.worst_slip = before, 0.0
         u.rim /= max(u.seen, 1)
@@ -72,25 +67,22 @@ def sense(y, noise, axles, cars, units, brakes, effort, retard, plant, onboard, 
 
 
 @jit
-def read_axles(y, noise, axles, units, omega, torque, onboard, run):
+def sense_axles(axles, units, onboard, run):
     """Readings of the axles and their sums in the units.
 
     Returns the force [N] of motors less what turns the wheelsets; how far [m/s] the axle least ahead runs ahead, of all and
     of those that roll; and whether the latter are of an eased unit.
     """
     force, least, eased, likely, h = 0.0, math.inf, math.inf, math.inf, run.period
-    verge, quantum = False, onboard.speed_quantum
+    verge = False
     for u in units:
         verge = verge or (u.torque_command < LIMITING * u.torque_target and not run.braking)
-        u.rim, u.unseen, u.seen, u.worst_slip, u.returns = 0.0, 0.0, 0, -math.inf, 0
-    for i in range(axles.size):
-        a = axles[i]
-        before, rim = a.reading, a.believed_radius * y[omega + i]
-        a.reading, seen = run.reference_speed, is_seen(a, run.time)
-        if seen:
-            a.reading = rim + noise[i]
-            if quantum > 0.0:
-                a.reading = math.floor(a.reading / quantum + 0.5) * quantum
+        u.rim, u.seen, u.worst_slip, u.returns = 0.0, 0, -math.inf, 0
+    for a in axles:
+        before = a.reading
+        a.reading = run.reference_speed
+        if a.seen:
+            a.reading = a.signal
             ahead = run.sign * (a.reading - run.reference_speed)
             a.ahead += h / MEAN_TIME * (ahead - a.ahead)
             least = min(least, a.ahead)
@@ -101,23 +93,16 @@ def read_axles(y, noise, axles, units, omega, torque, onboard, run):
             elif a.unit >= 0 and units[a.unit].eased < 1.0 and run.easing > 0.5 * SHORTEST:
                 eased = min(eased, a.ahead)
         if run.time > 0.0:
-            force -= a.inertia / a.believed_radius**2 * (a.reading - before) / h
+            force -= a.inertia / a.radius**2 * (a.reading - before) / h
         if a.unit >= 0:
             u = units[a.unit]
-            force += a.gear * y[torque + a.unit] / a.believed_radius
-            u.seen += seen
-            u.rim += a.reading if seen else 0.0
-            u.unseen += 0.0 if seen else rim
-            if seen != is_seen(a, run.time - h):  # the mean speed jumps, which is no acceleration
+            force += a.gear * (run.sign * u.motor_torque) / a.radius
+            u.seen += a.seen
+            u.rim += a.reading if a.seen else 0.0
+            if a.seen != a.was_seen:  # the mean speed jumps, which is no acceleration
                 u.filtered = u.observed = math.nan
     sure = eased < math.inf
     return force, least, eased if sure else likely, sure
-
-
-@jit
-def is_seen(a, time):
-    """Whether the speed of an axle is known at an instant [s]: it has a sensor, whose signal is not lost."""
-    return a.sensed == 1 and (time < a.lost - ROUNDING or time >= a.back - ROUNDING)
 
 
 @jit
@@ -128,10 +113,10 @@ def read_shoes(axles, units, brakes, onboard, run):
         u.air = u.air_brake_force if onboard.air_commanded and run.braking else 0.0
     for i in range(axles.size):
         a = axles[i]
-        if a.brake < 0 or brakes[a.brake].cylinder_pressure <= 0.0:
+        if a.brake < 0 or brakes[a.brake].pressure <= 0.0:
             continue
         b = brakes[a.brake]
-        shoe = b.gain * b.cylinder_pressure * shoe_friction(b, a.reading)
+        shoe = b.gain * b.pressure * shoe_friction(b, a.reading)
         total += shoe
         if a.unit >= 0 and run.braking and not onboard.air_commanded:
             u = units[a.unit]

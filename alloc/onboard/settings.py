@@ -9,7 +9,6 @@ from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal
 
-from alloc.plant.curves import PiecewiseCurve
 from alloc.schema.errors import OnboardError
 from alloc.schema.parameters import NOT_IN_FILES, Bounds, Parameters, quantity
 
@@ -246,12 +245,18 @@ class Assumed(OnboardParameters):
     unit_deviation: tuple[float, ...] | None = quantity(None, "1")
     """Standard deviation of each unit's cap about the truth, for rules that take risk into account, from the front. Left
     out: these rules treat the caps as certain."""
-    curve: Any = field(default_factory=PiecewiseCurve)
-    """Adhesion curve."""
+    curve: Any = None
+    """Adhesion curve; no computer here needs one. Left out: that of the rail."""
     mass_factor: float = quantity(1.0, "1", above=0.0, most=100.0)
     """Believed over true mass, as used by the reference speed's estimate."""
     resistance_factor: float = quantity(1.0, "1", most=100.0)
     """Believed over true running resistance, as used by the reference speed's estimate."""
+    lag_factor: float = quantity(1.0, "1", above=0.0, most=100.0, later=True)
+    """Believed over true time constant of the torque."""
+    inertia_factor: float = quantity(1.0, "1", most=100.0, later=True)
+    """Believed over true inertia of the wheelsets."""
+    brake_factor: float = quantity(1.0, "1", above=0.0, most=100.0, later=True)
+    """Believed over true force of the brake shoes."""
 
 
 @dataclass(frozen=True)

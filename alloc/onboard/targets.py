@@ -118,7 +118,7 @@ def trailers_lack(units, brakes, run):
     lacking, carried = 0.0, 0.0
     for b in brakes:
         if b.unit < 0:
-            shoes = b.gain * b.cylinder_pressure * shoe_friction(b, run.reference_speed)
+            shoes = b.gain * b.pressure * shoe_friction(b, run.reference_speed)
             lacking += b.axles * (planned_force(b, run) - shoes / (1.0 + b.turning))
     for u in units:
         carried += u.axles * u.load

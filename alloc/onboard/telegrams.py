@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.compilation import jit
-from alloc.onboard.sensing import KNOWN, ROUNDING
+from alloc.onboard.sensing import NOTICED, ROUNDING
 
 Floats = NDArray[np.float64]
 Ticks = NDArray[np.int64]
@@ -20,7 +20,7 @@ def leaders(ticks: int, failure: Floats, period: float) -> Ticks:
 
     `failure` (units,): instants at which motors fail [s]; `period` of control [s].
     """
-    works = np.arange(ticks)[:, None] * period < failure + KNOWN - ROUNDING
+    works = np.arange(ticks)[:, None] * period < failure + NOTICED - ROUNDING
     return np.where(works.any(axis=1), works.argmax(axis=1), failure.size - 1).astype(np.int64)
 
 

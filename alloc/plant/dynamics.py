@@ -16,14 +16,11 @@ import numpy as np
 from alloc import laws
 from alloc.backends import compiled as law
 from alloc.compilation import inlined, jit, last_use
-from alloc.plant.curves import BY_CREEP, PIECEWISE, coefficient, steepest, top
-from alloc.schema.tables import Rows
+from alloc.plant.curves import BY_CREEP, PIECEWISE, coefficient, steepest
+from alloc.schema.tables import Rows, look_up
 
 FLOOR = 1e-3
 """Smallest adhesion coefficient: scatter and increments must not make it zero."""
-USED, USED_BY_AIR, BACK = 0.999, 0.995, 0.8
-"""Shares of the true adhesion that the oracle uses pulling, and braking with air: at the very peak no torque can be held.
-Share of what a wheel beyond the peak carries that it leaves to it, so that the wheel comes back."""
 STABLE = 2.5
 """Step times fastest rate; classical Runge-Kutta is stable below 2.78."""
 STROKE = 0.1
@@ -33,21 +30,13 @@ SMALLEST = 1e-150
 
 
 @jit
-def places(axles, cars, units, brakes, plant):
+def places(wheelsets, cars, drives, cylinders, plant):
     """Number of bodies; where angular speeds, torques, pressures and friction work begin in the state; works follow."""
     bodies = 1 if plant.body_mass > 0.0 else cars.size
     omega = 2 * bodies
-    torque = omega + axles.size
-    pressure = torque + units.size
-    return bodies, omega, torque, pressure, pressure + brakes.size
-
-
-@jit
-def look_up(tables, j, place):
-    """Value of table `j` at a place between its points; beyond an end that of the end."""
-    place = min(max(place, 0.0), tables.shape[1] - 1.000001)
-    k = int(place)
-    return tables[j, k] + (place - k) * (tables[j, k + 1] - tables[j, k])
+    torque = omega + wheelsets.size
+    pressure = torque + drives.size
+    return bodies, omega, torque, pressure, pressure + cylinders.size
 
 
 @inlined
@@ -60,38 +49,38 @@ def cleans(plant):
 
 
 @inlined
-def vary_rail(t, y, axles, bodies, patches, scatter, plant):
+def vary_rail(t, y, wheelsets, bodies, patches, scatter, plant):
     """Patches, scatter, and what wheels have cleaned, on the adhesion coefficient that the rail offers."""
     for k in range(patches.size):
         p = patches[k]
         change = law.window(t, p.begin, p.until, p.fade) * (p.factor - 1.0)
         if change != 0.0:
-            for i in range(axles.size):
-                a = axles[i]
+            for i in range(wheelsets.size):
+                a = wheelsets[i]
                 inside = law.window(y[a.body] + a.offset, p.start, p.end, p.edge)
                 a.offered += change * inside * (a.offered - a.increment)
     if plant.scatter_length > 0.0:
-        for i in range(axles.size):
-            a = axles[i]
+        for i in range(wheelsets.size):
+            a = wheelsets[i]
             knot = (y[a.body] + a.offset) / plant.scatter_length
             k = math.floor(knot)
             here, ahead = scatter[k % scatter.size], scatter[(k + 1) % scatter.size]
             a.offered += here + law.smooth_step(knot - k) * (ahead - here)
-    for i in range(axles.size):
-        a = axles[i]
+    for i in range(wheelsets.size):
+        a = wheelsets[i]
         a.offered = max(a.offered * (1.0 + plant.conditioning * a.cleaned), FLOOR)
     if plant.recovered_coefficient > 0.0:
-        for i in range(axles.size):
-            a = axles[i]
+        for i in range(wheelsets.size):
+            a = wheelsets[i]
             degree = law.both_cleaned(a.recovery, a.cleaned)
             a.offered = law.recovered(a.offered, degree, plant.recovered_coefficient)
 
 
 @inlined
-def find_loads(y, axles, cars, bodies, omega, curve, plant):
+def find_loads(y, wheelsets, cars, bodies, omega, curve, plant):
     """Coefficients, and axle loads as cars and bogies pitch: in closed form, without iteration between force and load."""
-    for i in range(axles.size):
-        a = axles[i]
+    for i in range(wheelsets.size):
+        a = wheelsets[i]
         speed, rim = y[bodies + a.body], a.radius * y[omega + i]
         slip = rim - speed
         mu = coefficient(plant.curve_number, curve, slip, speed, rim, a.offered, a.contact)
@@ -99,24 +88,24 @@ def find_loads(y, axles, cars, bodies, omega, curve, plant):
     if plant.pitches:
         for k in range(cars.size):
             cars[k].force, cars[k].pitch = 0.0, 0.0
-        for i in range(axles.size):
-            a, c = axles[i], cars[axles[i].car]
+        for i in range(wheelsets.size):
+            a, c = wheelsets[i], cars[wheelsets[i].car]
             c.force += a.coefficient * a.static_load
             c.pitch += a.coefficient * a.unloading
-        for i in range(axles.size):
-            a, c = axles[i], cars[axles[i].car]
+        for i in range(wheelsets.size):
+            a, c = wheelsets[i], cars[wheelsets[i].car]
             force = law.car_force(c.force, c.pitch)
             a.axle_load = law.axle_load(a.static_load, a.unloading, force)
 
 
 @inlined
-def divide_torque(t, y, dy, axles, units, omega, torque):
+def divide_torque(t, y, dy, wheelsets, drives, omega, torque):
     """Motors in parallel on one frequency: what each gives beside the mean torque; the work of it [W]."""
     work = 0.0
-    for i in range(axles.size):
-        a = axles[i]
-        if a.unit >= 0 and units[a.unit].slip_torque > 0.0 and t < units[a.unit].failure:
-            u = units[a.unit]
+    for i in range(wheelsets.size):
+        a = wheelsets[i]
+        if a.unit >= 0 and drives[a.unit].slip_torque > 0.0 and t < drives[a.unit].failure:
+            u = drives[a.unit]
             mean, own = a.gear * dy[torque + a.unit] / u.axles, a.gear * y[omega + i]
             more = a.gear * law.parallel_torque(0.0, u.slip_torque, mean, own)
             dy[omega + i] += more / a.inertia
@@ -125,13 +114,13 @@ def divide_torque(t, y, dy, axles, units, omega, torque):
 
 
 @inlined
-def press_shoes(y, dy, axles, brakes, omega, pressure):
+def press_shoes(y, dy, wheelsets, cylinders, omega, pressure):
     """Shoes against the rotation of each wheelset; the work lost in them [W]."""
     work = 0.0
-    for i in range(axles.size):
-        a = axles[i]
+    for i in range(wheelsets.size):
+        a = wheelsets[i]
         if a.brake >= 0:
-            b, turning = brakes[a.brake], y[omega + i]
+            b, turning = cylinders[a.brake], y[omega + i]
             friction = law.speed_law(
                 a.radius * turning, b.friction_numerator, b.friction_offset, b.friction_constant
             )
@@ -164,22 +153,35 @@ def pull_couplers(y, dy, cars, bodies):
 
 @jit
 def derivative(
-    t, y, dy, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, plant
+    t,
+    y,
+    dy,
+    wheelsets,
+    cars,
+    drives,
+    cylinders,
+    patches,
+    line,
+    effort,
+    retard,
+    curve,
+    scatter,
+    plant,
 ):
     """Right side `dy` of the state `y` at the instant `t`; the rows note what is of this instant."""
-    bodies, omega, torque, pressure, friction = places(axles, cars, units, brakes, plant)
+    bodies, omega, torque, pressure, friction = places(wheelsets, cars, drives, cylinders, plant)
     motors, shoes, lost, taken = 0.0, 0.0, 0.0, 0.0  # powers [W]
 
     # the rail
     offset = plant.law_offset
     decline = law.speed_law(y[bodies], 1.0, offset, 0.0)
-    for i in range(axles.size):
-        a = axles[i]
+    for i in range(wheelsets.size):
+        a = wheelsets[i]
         if bodies > 1:
             decline = law.speed_law(y[bodies + a.body], 1.0, offset, 0.0)
         a.offered = max(a.law_numerator * decline + a.law_constant + a.increment, FLOOR)
     if cleans(plant) or patches.size > 0 or plant.scatter_length > 0.0:
-        vary_rail(t, y, axles, bodies, patches, scatter, plant)
+        vary_rail(t, y, wheelsets, bodies, patches, scatter, plant)
 
     # the wheelsets; a unit's angular speeds are summed where the rate of its torque will stand
     q0, q1, q2, q3, q4 = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -187,13 +189,13 @@ def derivative(
     if usual:  # what follows from these alone is found once
         q0, q1, q2, q3, q4 = curve[0], curve[1], curve[2], curve[3], curve[4]
     else:
-        find_loads(y, axles, cars, bodies, omega, curve, plant)
+        find_loads(y, wheelsets, cars, bodies, omega, curve, plant)
     for k in range(cars.size):
         cars[k].force = 0.0
-    for j in range(units.size):
+    for j in range(drives.size):
         dy[torque + j] = 0.0
-    for i in range(axles.size):
-        a, turning = axles[i], y[omega + i]
+    for i in range(wheelsets.size):
+        a, turning = wheelsets[i], y[omega + i]
         slip, mu, load = a.radius * turning - y[bodies + a.body], a.coefficient, a.axle_load
         if usual:
             load = a.static_load
@@ -211,16 +213,16 @@ def derivative(
         dy[omega + i] = at_wheel / a.inertia
         dy[friction + i] = force * slip
     if plant.parallel:
-        motors += divide_torque(t, y, dy, axles, units, omega, torque)
+        motors += divide_torque(t, y, dy, wheelsets, drives, omega, torque)
 
     # the cylinders
     pressed = 0.0
-    for g in range(brakes.size):
-        b, p = brakes[g], y[pressure + g]
+    for g in range(cylinders.size):
+        b, p = cylinders[g], y[pressure + g]
         pressed += p
         dy[pressure + g] = law.pressure_rate(p, b.filling, b.acting, b.fill_time, b.release_time)
     if pressed > 0.0:
-        shoes = press_shoes(y, dy, axles, brakes, omega, pressure)
+        shoes = press_shoes(y, dy, wheelsets, cylinders, omega, pressure)
 
     # the cars
     total, last = 0.0, line.size - 1.000001
@@ -249,26 +251,26 @@ def derivative(
     share = law.power_taken(
         t, plant.receptivity_mean, plant.receptivity_amplitude, plant.receptivity_period, plant.receptivity_phase
     )  # fmt: skip
-    for j in range(units.size):
-        u = units[j]
-        kmh = 3.6 * abs(dy[torque + j]) * u.true_radius / u.axles
+    for j in range(drives.size):
+        u = drives[j]
+        kmh = 3.6 * abs(dy[torque + j]) * u.radius / u.axles
         drive, brake = look_up(effort, j, kmh), share * look_up(retard, j, kmh)
         if t >= u.failure:
             drive = brake = 0.0
         dy[torque + j] = law.torque_rate(y[torque + j], u.applied, drive, brake, u.lag)
 
-    works = friction + axles.size
+    works = friction + wheelsets.size
     dy[works], dy[works + 1], dy[works + 2], dy[works + 3] = motors, shoes, lost, taken
-    last_use(y, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter)
+    last_use(y, wheelsets, cars, drives, cylinders, patches, line, effort, retard, curve, scatter)
 
 
 @jit
-def note(y, dy, axles, cars, units, brakes, plant, run):
+def note(y, dy, wheelsets, cars, drives, cylinders, plant):
     """Columns of the record that follow from the state and its `derivative`."""
-    bodies, omega, _, pressure, friction = places(axles, cars, units, brakes, plant)
-    for i in range(axles.size):
-        axles[i].rim_speed = axles[i].radius * y[omega + i]
-        axles[i].friction_work = y[friction + i]
+    bodies, omega, _, pressure, friction = places(wheelsets, cars, drives, cylinders, plant)
+    for i in range(wheelsets.size):
+        wheelsets[i].rim_speed = wheelsets[i].radius * y[omega + i]
+        wheelsets[i].friction_work = y[friction + i]
     mass, momentum, force = 0.0, 0.0, 0.0
     for k in range(cars.size):
         c = cars[k]
@@ -276,33 +278,33 @@ def note(y, dy, axles, cars, units, brakes, plant, run):
         mass += c.mass
         momentum += c.mass * c.car_speed
         force += c.mass * c.car_acceleration
-    for g in range(brakes.size):
-        brakes[g].cylinder_pressure = y[pressure + g]
-    works = friction + axles.size
-    run.position, run.speed, run.acceleration = y[0], momentum / mass, force / mass
-    run.motor_work, run.shoe_work = y[works], y[works + 1]
-    run.resistance_work, run.coupler_work = y[works + 2], y[works + 3]
+    for g in range(cylinders.size):
+        cylinders[g].cylinder_pressure = y[pressure + g]
+    works = friction + wheelsets.size
+    plant.position, plant.speed, plant.acceleration = y[0], momentum / mass, force / mass
+    plant.motor_work, plant.shoe_work = y[works], y[works + 1]
+    plant.resistance_work, plant.coupler_work = y[works + 2], y[works + 3]
 
 
 # Between the steps: cylinders behind their dead time, rail that wheels clean
 
 
 @jit
-def respond(t, brakes, asked, period):
-    """Cylinders do what was asked of them their dead time ago: `asked` (ticks, brakes), rows recorded so far."""
-    for g in range(brakes.size):
-        b = brakes[g]
+def respond(t, cylinders, commands, period):
+    """Cylinders do what was commanded their dead time ago: `commands` (ticks, groups), rows recorded so far."""
+    for g in range(cylinders.size):
+        b = cylinders[g]
         tick = math.floor((t - b.dead_time) / period + 1e-6)
         b.filling, b.acting = 0.0, 0.0
         if tick >= 0:
-            b.filling, b.acting = asked[tick, g].pressure_target, asked[tick, g].valve
+            b.filling, b.acting = commands[tick, g].pressure_target, commands[tick, g].valve
 
 
 @jit
-def read_rail(y, axles, rail, cell):
+def read_rail(y, wheelsets, rail, cell):
     """What wheels ahead have left under each axle; `rail` is a ring of cells."""
-    for i in range(axles.size):
-        a = axles[i]
+    for i in range(wheelsets.size):
+        a = wheelsets[i]
         place = (y[a.body] + a.offset) / cell
         k = math.floor(place)
         here = rail[k % rail.size]
@@ -310,13 +312,13 @@ def read_rail(y, axles, rail, cell):
 
 
 @jit
-def clean_rail(y, before, axles, bodies, omega, friction, span, rail, plant):
+def clean_rail(y, before, wheelsets, bodies, omega, friction, span, rail, plant):
     """Each axle cleans the cells that it has left behind in a step of `span` [s]; the foremost begins new ones.
 
     Slip cleans them (JP4209318 par. 0051), or what has recovered a contact stays in part. `before`: state at its begin.
     """
-    for i in range(axles.size):
-        a, b = axles[i], axles[i].body
+    for i in range(wheelsets.size):
+        a, b = wheelsets[i], wheelsets[i].body
         speed, rim = y[bodies + b], a.radius * y[omega + i]
         if plant.recovered_coefficient > 0.0:
             power = (y[friction + i] - before[friction + i]) / span
@@ -339,7 +341,7 @@ def clean_rail(y, before, axles, bodies, omega, friction, span, rail, plant):
 
 @jit
 def advance(
-    t, y, stages, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, rail, plant, asked
+    t, y, stages, wheelsets, cars, drives, cylinders, patches, line, effort, retard, curve, scatter, rail, plant, commands
 ):  # fmt: skip
     """One control period from `t` on by classical Runge-Kutta steps of equal length, `plant.step` at most.
 
@@ -347,7 +349,7 @@ def advance(
     over speed, contacts are the stiffer the slower the train.
     """
     stage, slope, end = stages[0], stages[1], stages[2]
-    bodies, omega, _, _, friction = places(axles, cars, units, brakes, plant)
+    bodies, omega, _, _, friction = places(wheelsets, cars, drives, cylinders, plant)
     period, cleaning = plant.period, cleans(plant)
     speed = abs(y[bodies])
     for b in range(bodies + 1, 2 * bodies):
@@ -360,90 +362,53 @@ def advance(
     h = period / steps
     for s in range(steps):
         now = t + s * h
-        respond(now, brakes, asked, period)
+        respond(now, cylinders, commands, period)
         if cleaning:
-            read_rail(y, axles, rail, plant.cleaning_spacing)
+            read_rail(y, wheelsets, rail, plant.cleaning_spacing)
         for r in range(y.size):
             stage[r] = end[r] = y[r]
         for share, reach, at in (
             (1.0 / 6.0, 0.5, 0.0), (1.0 / 3.0, 0.5, 0.5), (1.0 / 3.0, 1.0, 0.5), (1.0 / 6.0, 0.0, 1.0)
         ):  # fmt: skip
             derivative(
-                now + at * h, stage, slope, axles, cars, units, brakes, patches, line, effort, retard, curve,
+                now + at * h, stage, slope, wheelsets, cars, drives, cylinders, patches, line, effort, retard, curve,
                 scatter, plant,
             )  # fmt: skip
             for r in range(y.size):
                 end[r] += share * h * slope[r]
                 stage[r] = y[r] + reach * h * slope[r]
         if cleaning:
-            clean_rail(end, y, axles, bodies, omega, friction, h, rail, plant)
+            clean_rail(end, y, wheelsets, bodies, omega, friction, h, rail, plant)
         for r in range(y.size):  # what is left of a standstill no processor computes fast
             y[r] = end[r] if abs(end[r]) > SMALLEST else 0.0
 
 
-# What the oracle and the integrator need to know
-
-
-@jit
-def true_limits(
-    t, y, stages, axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, plant, run
-):  # fmt: skip
-    """What each unit and each trailer's brake can carry, now and as far ahead as a torque cannot be changed: the oracle's.
-
-    Writes `unit.truth` and `brake.most`.
-    """
-    bodies, omega, _, _, _ = places(axles, cars, units, brakes, plant)
-    ahead, moved = plant.period, stages[0]
-    for j in range(units.size):
-        units[j].truth = math.inf
-        ahead = max(ahead, plant.period + 2.0 * units[j].lag)
-    for g in range(brakes.size):
-        brakes[g].most = math.inf
-    for reach in (ahead, 0.0):
-        for r in range(y.size):
-            moved[r] = y[r]
-        for b in range(bodies):
-            moved[b] += reach * y[bodies + b]
-        derivative(
-            t + reach, moved, stages[1], axles, cars, units, brakes, patches, line, effort, retard, curve, scatter, plant
-        )  # fmt: skip
-        for i in range(axles.size):
-            a = axles[i]
-            speed = y[bodies + a.body]
-            most, place = top(plant.curve_number, curve, speed, a.offered, a.contact)
-            load = law.axle_load(a.static_load, a.unloading, cars[a.car].force)
-            carried = (USED_BY_AIR if run.braking else USED) * most * load
-            if run.sign * (a.radius * y[omega + i] - speed) > 1.05 * place:
-                carried = min(carried, BACK * run.sign * a.rail_force)
-            if a.unit >= 0:
-                units[a.unit].truth = min(units[a.unit].truth, carried)
-            elif a.brake >= 0:
-                brakes[a.brake].most = min(brakes[a.brake].most, carried)
-    for j in range(units.size):  # a part turns the wheelsets, as the train goes, not as planned
-        u = units[j]
-        turning = u.inertia / u.radius**2 * run.sign * run.acceleration
-        share = 1.0 + (u.brake_turning if run.braking else u.turning)
-        u.truth = max(u.truth + turning, 0.0) / (share * u.load)
+# What the integrator needs to know
 
 
 def find_rates(
-    axles: Rows, cars: Rows, units: Rows, brakes: Rows, curve: Any, most: float, plant: Any
+    wheelsets: Rows, cars: Rows, drives: Rows, cylinders: Rows, curve: Any, most: float, plant: Any
 ) -> float:
     """Write the rates that bound a step, `plant.rate` and `plant.contact_rate`; the shortest step that they ask for [s].
 
     `most`: the greatest coefficient that the rail offers anywhere.
     """
-    slope = steepest(plant.curve_number, curve, most, axles.contact.max())
-    carried = slope * axles.static_load
+    slope = steepest(plant.curve_number, curve, most, wheelsets.contact.max())
+    carried = slope * wheelsets.static_load
     rigid = plant.body_mass > 0.0
     mass = np.full(1, plant.body_mass) if rigid else cars.mass
-    wheel, body = axles.radius**2 / axles.inertia, np.bincount(axles.body, carried, mass.size)
+    wheel, body = (
+        wheelsets.radius**2 / wheelsets.inertia,
+        np.bincount(wheelsets.body, carried, mass.size),
+    )
     plant.contact_rate, rates = (carried * wheel).max() + (body / mass).max(), [0.0]
-    if units.size:
-        on_shaft = np.where(axles.unit >= 0, units.slip_torque[axles.unit] * axles.gear**2, 0.0)
-        rates += [1.0 / units.lag.min(), (on_shaft / axles.inertia).max()]
-    if brakes.size:
-        quickest = min(brakes.fill_time.min(), brakes.release_time.min())
+    if drives.size:
+        on_shaft = np.where(
+            wheelsets.unit >= 0, drives.slip_torque[wheelsets.unit] * wheelsets.gear**2, 0.0
+        )
+        rates += [1.0 / drives.lag.min(), (on_shaft / wheelsets.inertia).max()]
+    if cylinders.size:
+        quickest = min(cylinders.fill_time.min(), cylinders.release_time.min())
         rates += [1.0 / laws.LOCK_TIME, 1.0 / quickest]
     if not rigid and cars.size > 1:
         inverse = (1.0 / mass[:-1] + 1.0 / mass[1:]).max()

@@ -13,8 +13,8 @@ import xarray as xr
 from alloc.compilation import jit
 from alloc.plant.dynamics import places
 from alloc.run.event import DriverCommand, Event
-from alloc.run.recording import dataset, room
-from alloc.run.simulation import write_down_and_advance
+from alloc.run.recording import dataset, make_room
+from alloc.run.simulation import record_and_advance
 from alloc.schema.errors import SimulationError
 from alloc.schema.tables import Rows
 
@@ -31,7 +31,7 @@ class TrainSense(NamedTuple):
     acceleration: float
     """Change of that speed over the last control period [m/s2]; 0 at the first."""
     axles: Rows
-    """As recorded an instant before (`alloc.onboard.columns.AXLE`)."""
+    """As recorded an instant before (`alloc.plant.columns.WHEELSET`)."""
     units: Rows
     brakes: Rows
 
@@ -50,31 +50,31 @@ def drive(event: Event, driver: Driver) -> xr.Dataset:
     `alloc.run.simulation.simulate`.
     """
     w = event.world()
-    record, run, ended = room(w), w.run[0], 0
-    bodies = places(w.axles, w.cars, w.units, w.brakes, w.plant[0])[0]
+    recording, run, ended = make_room(w), w.run[0], 0
+    bodies = places(w.wheelsets, w.cars, w.drives, w.cylinders, w.plant[0])[0]
     last = float(w.state[bodies])
     period = event.onboard.period
     for k in range(w.command.size):
         run.time = time = k * period
         speed = float(w.state[bodies])
         rate = (speed - last) / period
-        sense = TrainSense(time, float(w.state[0]), speed, rate, w.axles, w.units, w.brakes)
+        sense = TrainSense(time, float(w.state[0]), speed, rate, w.wheelsets, w.units, w.cylinders)
         last, go_on = speed, driver(sense, w.units, w.brakes)
         for rows, name in ((w.units, "applied"), (w.brakes, "pressure_target")):
             if not np.isfinite(values := rows[name]).all():
                 raise SimulationError(f"drive: at {time:g} s {name} = {values}; set finite values")
-        _go(k, w, record)
+        _advance(k, w, recording)
         ended = k + 1
         if go_on is False:
             break
-    return dataset(event, "driver", "driver", w, record, ended, 0.0)
+    return dataset(event, "driver", "driver", w, recording, ended, 0.0)
 
 
 @jit
-def _go(k, w, record):
-    torque = places(w.axles, w.cars, w.units, w.brakes, w.plant[0])[2]
+def _advance(k, w, recording):
+    torque = places(w.wheelsets, w.cars, w.drives, w.cylinders, w.plant[0])[2]
     for j in range(w.units.size):
         u = w.units[j]
         u.torque_command = u.applied
         u.motor_torque = w.state[torque + j]  # as the sensing of an automatic run does
-    write_down_and_advance(k, w, record)
+    record_and_advance(k, w, recording)

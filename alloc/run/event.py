@@ -14,17 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.onboard.columns import PATCH, PLANT
-from alloc.onboard.rows import believed_rows, onboard_rows
 from alloc.onboard.settings import Onboard
-from alloc.onboard.telegrams import leaders, telegrams
-from alloc.plant.dynamics import find_rates
 from alloc.plant.rail import Line, Rail, Receptivity
 from alloc.plant.train import Train
-from alloc.run.world import World
-from alloc.schema.errors import PlantError, SimulationError
+from alloc.run.world import World, world_of
+from alloc.schema.errors import SimulationError
 from alloc.schema.parameters import Parameters, quantity
-from alloc.schema.tables import put
 
 STEP = 2.5e-3
 """Longest integration step [s] where an event names none: a quarter of the control period. Against steps a fifth as long,
@@ -33,8 +28,6 @@ MOST_AXLE_STEPS = 3e8
 """Integration steps times axles: minutes of computing, and at most 2.4 GB of sensor noise."""
 MOST_AXLE_RECORDS = 5e6
 """Control instants times axles: about 1 GB of record."""
-FASTEST = 100.0
-"""Speed [m/s] that no train here exceeds."""
 
 
 @dataclass(frozen=True)
@@ -98,12 +91,13 @@ class Event(Parameters):
         if self.record_period > self.duration:
             told = f"duration = {self.duration!r}"
             yield f"record_period = {self.record_period!r} must not exceed {told}"
-        yield from self._size(min(self.step, period))
+        yield from self.size_faults(min(self.step, period))
         if self.ticks * self.train.axle_count > MOST_AXLE_RECORDS:
             told = f"{self.ticks} instants of {self.train.axle_count} axles exceed {MOST_AXLE_RECORDS:g}"
             yield f"duration = {self.duration!r} is too long: {told}"
 
-    def _size(self, step: float) -> Iterator[str]:
+    def size_faults(self, step: float) -> Iterator[str]:
+        """Why the event is too long with integration steps of `step` [s]."""
         steps, axles = self.duration / step, self.train.axle_count
         if not steps * axles <= MOST_AXLE_STEPS:
             told = f"{steps:.2g} steps of {step:.2g} s of {axles} axles exceed {MOST_AXLE_STEPS:g}"
@@ -138,58 +132,7 @@ class Event(Parameters):
 
     @cached_property
     def _template(self) -> World:
-        train, rail, onboard, period = self.train, self.rail, self.onboard, self.onboard.period
-        ticks, start, speed = self.ticks, self.initial_position, self.initial_speed
-        rows = believed_rows(onboard, train)
-        axles, cars, units, brakes = rows[:4]
-        for unit, time in self.failures.items():
-            if not 0 <= unit < units.size:
-                told = f"the train has no traction unit {unit + 1}; it has {units.size}"
-                raise PlantError(f"failures: {told}")
-            if np.isnan(time):
-                raise PlantError(f"failures: time of traction unit {unit + 1} is not a number")
-            units[unit].failure = time
-        # the line as far as the train may come; 0.3 m/s2: a gradient of 30 per mille
-        hardest = max(abs(one) for one in self.command.accelerations) + 0.3
-        fastest = min(FASTEST, abs(speed) + self.duration * hardest)
-        end = start + self.duration * fastest + 50.0
-        origin, line = self.line.rows(start - train.length - 70.0, end)
-        plant = PLANT.rows(
-            1, **rows.plant, period=period, step=self.step, line_origin=origin, line_spacing=self.line.spacing
-        )  # fmt: skip
-        rail.put_under(axles, plant[0])
-        put(plant[0], self.receptivity, "receptivity_")
-        patches, scatter, curve = PATCH.of(rail.patches), rail.scatter_ring(), rail.curve.values
-        shortest = find_rates(axles, cars, units, brakes, curve, rail.greatest_peak(), plant[0])
-        for fault in self._size(shortest):
-            raise SimulationError(f"event: {fault}")
-        axles.axle_load = axles.static_load
-        axles.cell = np.floor((start + axles.offset) / plant.cleaning_spacing[0])
-        board, valves, run = onboard_rows(onboard, rows, speed)
-        run.position = start
-        # it rolls without slip, motors and brakes off; coupled cars stand at rest length
-        bodies = np.ones(1 if train.couplers is None else cars.size)
-        rest = np.zeros(units.size + brakes.size + axles.size + 4)
-        state = np.concatenate([start * bodies, speed * bodies, speed / axles.radius, rest])
-        sensors, sent = onboard.sensors, onboard.telegrams
-        noise = np.zeros((1, axles.size))
-        if sensors.speed_noise > 0.0:
-            draws = np.random.default_rng([sensors.seed, 1])
-            noise = sensors.speed_noise * draws.standard_normal((ticks, axles.size))
-        leader = np.zeros(ticks, dtype=np.int64)
-        if units.size:
-            leader = leaders(ticks, units.failure, period)
-        report_tick, order_tick = telegrams(
-            leader, units.size, max(1, round(sent.period / period)), period, sent.latency, sent.jitter, sent.loss,
-            sensors.seed,
-        )  # fmt: skip
-        return World(
-            state=state, stages=np.zeros((4, state.size)), axles=axles, cars=cars, units=units, brakes=brakes,
-            patches=patches, line=line, plant=plant, onboard=board, slide=valves, run=run, effort=rows.effort,
-            retard=rows.retard, curve=curve, scatter=scatter, rail=rail.cells(train.length),
-            command=self.command.sampled(period * np.arange(ticks, dtype=np.float64)), noise=noise, leader=leader,
-            report_tick=report_tick, order_tick=order_tick, memory=np.zeros((units.size, 0)),
-        )  # fmt: skip
+        return world_of(self)
 
 
 def canonical(value: Any) -> str:
@@ -197,7 +140,9 @@ def canonical(value: Any) -> str:
     kind = type(value)
     if is_dataclass(value):
         named = ", ".join(
-            f"{one.name}={canonical(getattr(value, one.name))}" for one in fields(value)
+            f"{item.name}={canonical(getattr(value, item.name))}"
+            for item in fields(value)
+            if not (item.metadata.get("later") and getattr(value, item.name) == item.default)
         )
         return f"{getattr(kind, 'hashed_as', kind.__qualname__)}({named})"
     if isinstance(value, tuple | list):

@@ -20,7 +20,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.files import write_whole
-from alloc.onboard.columns import AXLE, BRAKE, CAR, RUN, UNIT
+from alloc.onboard.columns import RUN, UNIT
+from alloc.plant.columns import CAR, CYLINDER, DRIVE, PLANT, WHEELSET
 from alloc.plant.curves import tops
 from alloc.run.world import World
 from alloc.schema.errors import InputError, UnsoundRun
@@ -36,21 +37,22 @@ class Recording(NamedTuple):
     A late telegram, a cylinder's dead time, a delayed computation is a look-up in it.
     """
 
-    axles: Rows
+    wheelsets: Rows
     cars: Rows
+    cylinders: Rows
+    plant: Rows
     units: Rows
-    brakes: Rows
     run: Rows
     kept: tuple[NDArray[np.int64], ...]
     live: tuple[NDArray[np.int64], ...]
 
 
-_TABLES = (AXLE, CAR, UNIT, BRAKE, RUN)
+_TABLES = (WHEELSET, CAR, CYLINDER, PLANT, UNIT, RUN)
 
 
-def room(w: World) -> Recording:
+def make_room(w: World) -> Recording:
     """Room for the record of a run."""
-    live = w.axles, w.cars, w.units, w.brakes, w.run
+    live = w.wheelsets, w.cars, w.cylinders, w.plant, w.units, w.run
     tables = zip(_TABLES, live, strict=True)
     rows = [table.record(w.command.size, one.size) for table, one in tables]
     made: Any = *rows, tuple(map(words, rows)), tuple(map(words, live))
@@ -69,7 +71,7 @@ def dataset(
     """The recorded run of `ended` ticks; raises `UnsoundRun` where the state has become no number."""
     period = event.onboard.period
     if not np.isfinite(w.state).all():
-        since = int(np.argmin(np.isfinite(record.run.speed[:ended, 0]))) * period
+        since = int(np.argmin(np.isfinite(record.plant.speed[:ended, 0]))) * period
         told = f"the state is no number from {since:g} s on"
         raise UnsoundRun(f"event {event.name!r} under {rule} and {controller}: {told}")
     kept = slice(0, ended, max(1, round(event.record_period / period)))
@@ -81,7 +83,9 @@ def dataset(
     instants = data.pop("time")
     coordinates = {
         "time": xr.IndexVariable("time", instants.values, instants.attrs),
-        **_numbers(w.axles.unit.tobytes(), w.axles.car.tobytes(), w.cars.size, w.units.size),
+        **_numbers(
+            w.wheelsets.unit.tobytes(), w.wheelsets.car.tobytes(), w.cars.size, w.units.size
+        ),
     }
     return xr.Dataset(data, coordinates, _attributes(event, rule, controller, w, ended, wall_time))
 
@@ -91,7 +95,7 @@ def _recorded(record: Recording, kept: slice) -> Iterator[Entry]:
         for name in table.recorded.names:
             values, column = rows[name][kept], table.columns[name]
             dims: tuple[str, ...] = "time", table.name
-            if table is RUN:
+            if table in (RUN, PLANT):
                 values, dims = values[:, 0], ("time",)
             if name == "coupler_force":  # behind the last car there is none
                 values, dims = values[:, :-1], ("time", "coupler")
@@ -100,37 +104,39 @@ def _recorded(record: Recording, kept: slice) -> Iterator[Entry]:
 
 def _derived(record: Recording, kept: slice, w: World) -> Iterator[Entry]:
     """What follows from the record, and what does not change."""
-    plant, a, units, time = w.plant[0], w.axles, w.units, record.run.time[kept, 0]
+    plant, a, drives, time = w.plant[0], w.wheelsets, w.drives, record.run.time[kept, 0]
     speed = record.cars.car_speed[kept]
     # of some curves the top costs more than a step of the plant
-    offered = record.axles.offered[kept], a.contact
+    offered = record.wheelsets.offered[kept], a.contact
     most, slip = tops(plant.curve_number, w.curve, speed[:, a.car], *offered)
     about = "true adhesion coefficient: the largest over the slip"
     yield "adhesion_limit", ("time", "axle"), most, "1", about
     yield "peak_slip", ("time", "axle"), slip, "m s-1", "slip velocity of that largest"
     # motors at the train's speed, and as far as the line takes it; 0 from their failure on
     driven = a.unit >= 0
-    inside = (a.unit[:, None] == np.arange(units.size))[driven]
+    inside = (a.unit[:, None] == np.arange(drives.size))[driven]
     kmh = 3.6 * np.abs(speed[:, a.car[driven]] @ (inside / np.maximum(inside.sum(axis=0), 1)))
-    works, grid = time[:, None] < units.failure, np.arange(w.effort.shape[1])
+    works, grid = time[:, None] < drives.failure, np.arange(w.effort.shape[1])
     phase = 2.0 * np.pi * time / plant.receptivity_period + plant.receptivity_phase
     taken = plant.receptivity_mean + plant.receptivity_amplitude * np.sin(phase)
     for name, limits, part, more in (
         ("drive_limit", w.effort, np.ones_like(time), "pull with"),
         ("brake_limit", w.retard, np.clip(taken, 0.0, 1.0), "brake with, as far as the line takes it"),
     ):  # fmt: skip
-        found = [np.interp(kmh[:, j], grid, limits[j]) for j in range(units.size)]
-        values = np.reshape(found, (units.size, time.size)).T * works * part[:, None]
+        found = [np.interp(kmh[:, j], grid, limits[j]) for j in range(drives.size)]
+        values = np.reshape(found, (drives.size, time.size)).T * works * part[:, None]
         yield name, ("time", "unit"), values, "N m", f"most that each motor can {more}"
-    load = np.bincount(a.unit[driven], a.static_load[driven], units.size)
-    parallel = units.slip_torque > 0.0
-    for table, name, column, values in (
-        (AXLE, "axle_unit", "unit", a.unit), (AXLE, "axle_car", "car", a.car), (AXLE, "axle_group", "brake", a.brake),
-        (AXLE, "axle_contact", "contact", a.contact), (AXLE, "axle_static_load", "static_load", a.static_load),
-        (AXLE, "axle_radius", "radius", a.radius), (UNIT, "unit_gear", "gear", units.gear),
-        (UNIT, "unit_radius", "true_radius", units.true_radius), (CAR, "car_mass", "mass", w.cars.mass),
-    ):  # fmt: skip
-        yield name, (table.name,), values, table.columns[column].unit, table.columns[column].meaning
+    load = np.bincount(a.unit[driven], a.static_load[driven], drives.size)
+    parallel = drives.slip_torque > 0.0
+    for table, rows, names in (
+        (WHEELSET, a, ("unit", "car", "brake", "contact", "static_load", "radius")),
+        (DRIVE, drives, ("gear", "radius")),
+        (CAR, w.cars, ("mass",)),
+    ):
+        for column in names:
+            name = f"{table.name}_{'group' if column == 'brake' else column}"
+            unit, meaning = table.columns[column].unit, table.columns[column].meaning
+            yield name, (table.name,), rows[column], unit, meaning
     about = "mass that would resist like the turning wheelset"
     yield "axle_turning_mass", ("axle",), a.inertia / a.radius**2, "kg", about
     about = "axle load at rest of the unit's axles, summed"
@@ -169,7 +175,7 @@ def _attributes(
         "controller": controller,
         "train": event.train.name,
         "train_mass": float(w.cars.mass.sum()),
-        "axle_count": w.axles.size,
+        "axle_count": w.wheelsets.size,
         "target_speed": np.nan if event.target_speed is None else event.target_speed,
         "blended_brakes": int(w.onboard.blended[0]),
         "rule_calls": int(run.asked),

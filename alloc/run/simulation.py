@@ -31,12 +31,14 @@ from alloc.onboard.signatures import (
 from alloc.onboard.slide_protection import protect
 from alloc.onboard.targets import ask_brakes, foresee, set_brake_targets, set_targets, trailers_lack
 from alloc.onboard.telegrams import set_limits
-from alloc.plant.dynamics import advance, derivative, note, true_limits
+from alloc.plant.dynamics import advance, derivative, note
 from alloc.rules import RULES, Rule
 from alloc.rules.baselines import case_of
 from alloc.rules.problem import ROUNDING
+from alloc.run import wire
 from alloc.run.event import Event
-from alloc.run.recording import dataset, room
+from alloc.run.recording import dataset, make_room
+from alloc.run.world import TRUE
 from alloc.schema.errors import SimulationError, blamed_on
 from alloc.schema.registry import Registry
 
@@ -50,12 +52,15 @@ def simulate(
     number.
     """
     run = Simulation(event, rule, controller)
-    run.go_on()
+    run.run_to_end()
     return run.recorded()
 
 
 class Simulation:
-    """A run that can be stopped between control instants: `go_on` to the end, or `aim`, commands of one's own, and `go`."""
+    """A run that can be stopped between control instants.
+
+    `run_to_end`, or instant by instant: `plan_instant`, `command_units` or torques of another, `finish_instant`.
+    """
 
     def __init__(self, event: Event, rule: str | Rule, controller: str | Controller) -> None:
         if not isinstance(event, Event):
@@ -63,8 +68,8 @@ class Simulation:
             if hasattr(event, "event"):  # a scenario
                 hint = "its method event(seed) gives one"
             raise SimulationError(f"{event!r:.60} is no Event: {hint}")
-        self.rule: Rule = _part(RULES, Rule, rule)
-        self.controller: Controller = _part(CONTROLLERS, Controller, controller)
+        self.rule: Rule = find_part(RULES, Rule, rule)
+        self.controller: Controller = find_part(CONTROLLERS, Controller, controller)
         if self.rule.settings:
             onboard = event.onboard.with_settings(self.rule.settings)
             event = replace(event, onboard=onboard)
@@ -75,7 +80,7 @@ class Simulation:
             world.onboard.true_speed[:] = 1
             world.order_tick[:] = np.arange(world.command.size)[:, None]
         self.world = world._replace(memory=self.controller.rows(world.units.size))
-        self.record = room(self.world)
+        self.recording = make_room(self.world)
         self.tick, self.wall_time = 0, 0.0
 
     @property
@@ -83,7 +88,7 @@ class Simulation:
         """Number of control instants."""
         return int(self.world.command.size)
 
-    def go_on(self) -> None:
+    def run_to_end(self) -> None:
         """Run to the end, from where the run is."""
         started = time.perf_counter()
         parts: Any = (
@@ -91,63 +96,93 @@ class Simulation:
             (f"rule {self.rule.name!r}", self.rule.share, SHARE),
             (f"controller {self.controller.name!r}", self.controller.control, CONTROL),
         )
-        served = [one if are_compiled(one) else blamed_on(name, one)(one) for name, one, _ in parts]
-        if are_compiled(*served):
-            for name, one, signature in parts:
-                with blamed_on(name, one):
-                    one.compile(signature)
-            loop = compiled_steps(typeof(self.world), typeof(self.record))
-            loop(*served, self.knows, self.tick, self.world, self.record)
+        functions = [
+            function if are_compiled(function) else blamed_on(name, function)(function)
+            for name, function, _ in parts
+        ]
+        if are_compiled(*functions):
+            for name, function, signature in parts:
+                with blamed_on(name, function):
+                    function.compile(signature)
+            loop = compiled_instants(typeof(self.world), typeof(self.recording))
+            loop(*functions, self.knows, self.tick, self.world, self.recording)
         else:
-            in_python: Any = steps
+            in_python: Any = run_instants
             # as compiled code has it
             with np.errstate(all="ignore"), blamed_on(f"{parts[1][0]} or {parts[2][0]}"):
-                in_python(*served, self.knows, self.tick, self.world, self.record)
-        limits, period = self.record.units.wanted, self.event.onboard.period
+                in_python(*functions, self.knows, self.tick, self.world, self.recording)
+        limits, period = self.recording.units.wanted, self.event.onboard.period
         with blamed_on(f"rule {self.rule.name!r}", self.rule.share):
             for k, j in np.argwhere(~(limits >= -ROUNDING))[:1]:
                 raise SimulationError(f"limit[{j}] is {limits[k, j]:.6g} at {k * period:g} s")
         self.tick = self.ticks
         self.wall_time += time.perf_counter() - started
 
-    def aim(self) -> None:
+    def plan_instant(self) -> None:
         """Go to the next instant's targets: readings, belief, rule, limits."""
         belief, share = self.rule.belief.function, self.rule.share
-        aim(belief, share, self.knows, self.tick, self.world, self.record)
+        plan_instant(belief, share, self.knows, self.tick, self.world, self.recording)
 
-    def command(self) -> None:
+    def command_units(self) -> None:
         """Have the controller command torques for these targets, in `world.units.torque_command`."""
-        command(self.controller.control, self.world)
+        command_units(self.controller.control, self.world)
 
-    def go(self) -> None:
+    def finish_instant(self) -> None:
         """Go to the next instant with the torques that `world.units.torque_command` has."""
-        go(self.tick, self.world, self.record)
+        finish_instant(self.tick, self.world, self.recording)
         self.tick += 1
+
+    def run_blind(self) -> None:
+        """Run to the end with all that is true nan between `wire.read` and `wire.apply`.
+
+        The law of the house: what computers on board command must be the same. Slow, for tests and `check_controller`.
+        """
+        w, recording = self.world, self.recording
+        truth = [getattr(w, name) for name in TRUE]
+        for k in range(self.tick, self.ticks):
+            read_inputs(k, w)
+            if self.knows:
+                tell_oracle(w)
+            hidden = [table.copy() for table in truth]
+            for table in truth:
+                for column in table.dtype.names or (...,):
+                    table[column] = np.nan if table[column].dtype.kind == "f" else 0
+            with np.errstate(all="ignore"):
+                decide_instant(self.rule.belief.function, self.rule.share, k, w, recording)
+                self.command_units()
+                command_brakes(k, w)
+            for table, kept in zip(truth, hidden, strict=True):
+                table[...] = kept
+            record_and_advance(k, w, recording)
+        self.tick = self.ticks
 
     def recorded(self) -> xr.Dataset:
         """The run up to here; raises `UnsoundRun` where its state is no number."""
         names = self.rule.name, self.controller.name
-        return dataset(self.event, *names, self.world, self.record, self.tick, self.wall_time)
+        return dataset(self.event, *names, self.world, self.recording, self.tick, self.wall_time)
 
 
-def _part(registry: Registry[Any], kind: type, given: Any) -> Any:
-    """The part that is given, by its name or as itself."""
-    if isinstance(given, str):
-        return registry.find(given)
-    if not isinstance(given, kind):
+def find_part(registry: Registry[Any], kind: type, part: Any) -> Any:
+    """A part by its name, or itself."""
+    if isinstance(part, str):
+        return registry.find(part)
+    if not isinstance(part, kind):
         hint = f"give its name, or {kind.__name__}(...)"
-        if isinstance(given, list | tuple):
+        if isinstance(part, list | tuple):
             hint = "a run has one; `readhesion.compare` takes several"
-        raise SimulationError(f"{registry.kind} = {given!r:.60}: {hint}")
-    return given
+        raise SimulationError(f"{registry.kind} = {part!r:.60}: {hint}")
+    return part
 
 
 # An instant, in its order. Each piece is inlined in the loop, and compiled by itself where Python calls it.
+#
+# Arrays are handed on one by one. A world handed down would be shorter to write, but compiled code counts references to each
+# of its arrays at every call, which made a run a fifth slower.
 
 
 @part
-def listen(k, w):
-    """Command and readings of instant k, and what each unit would say of itself."""
+def read_inputs(k, w):
+    """The driver's command and the readings of instant k."""
     run, onboard, plant = w.run[0], w.onboard[0], w.plant[0]
     run.time = k * run.period
     asked = w.command[k]
@@ -156,17 +191,35 @@ def listen(k, w):
     run.driver_command = asked
     run.sign = 1.0 if asked >= 0.0 else -1.0
     run.braking = 1 if onboard.blended and asked < 0.0 else 0
-    size = abs(asked)
-    run.plan = size * (onboard.brake_planned if run.braking else onboard.planned)
-    run.planned_coefficient = size * (plant.brake_planned if run.braking else plant.planned)
     if w.units.size > 0:
         run.leader = w.leader[k]
+    noise = w.noise[k % w.noise.shape[0]]
+    wire.read(
+        w.state, noise, w.wheelsets, w.cars, w.drives, w.cylinders, plant, w.axles, w.units, w.brakes, onboard, run
+    )  # fmt: skip
+    if onboard.true_speed:
+        wire.tell_speed(w.state, w.wheelsets, w.cars, w.drives, w.cylinders, plant, w.axles, run)
+
+
+@part
+def tell_oracle(w):
+    """What each unit and each trailer's brake can truly carry."""
+    wire.tell_limits(
+        w.run[0].time, w.state, w.stages, w.wheelsets, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort,
+        w.retard, w.curve, w.scatter, w.plant[0], w.units, w.brakes, w.run[0],
+    )  # fmt: skip
+
+
+@part
+def sense_instant(k, w):
+    """What follows from the readings, what each unit would say of itself, and what the plan needs."""
+    run, onboard = w.run[0], w.onboard[0]
+    per_acceleration = onboard.brake_planned if run.braking else onboard.planned
+    run.plan = abs(run.driver_command) * per_acceleration
     if k == 0:
         for u in w.units:
             u.delivered = run.plan
-    sense(
-        w.state, w.noise[k % w.noise.shape[0]], w.axles, w.cars, w.units, w.brakes, w.effort, w.retard, plant, onboard, run
-    )  # fmt: skip
+    sense(w.axles, w.units, w.brakes, w.rated_effort, w.rated_retard, onboard, run)
     report(w.units, run)
     run.needed = run.plan
     if run.braking:
@@ -174,10 +227,10 @@ def listen(k, w):
 
 
 @part
-def set_aims(k, w, record):
+def set_instant_targets(k, w, recording):
     """Limits that have arrived, and what they ask of motors and air."""
     run, onboard = w.run[0], w.onboard[0]
-    set_limits(k, w.units, w.order_tick, record.units, onboard, run)
+    set_limits(k, w.units, w.order_tick, recording.units, onboard, run)
     if run.braking:
         set_brake_targets(w.units, onboard, run)
     else:
@@ -185,78 +238,89 @@ def set_aims(k, w, record):
 
 
 @part
-def go(k, w, record):
-    """Command motors and valves, write the instant down, and go to the next."""
+def command_brakes(k, w):
+    """What motors are commanded after easing, and what valves and cylinders are."""
     run = w.run[0]
     ease(w.units, w.onboard[0], run)
     foresee(w.units, run)
     protect(k, w.axles, w.brakes, w.slide[0], run)
     ask_brakes(w.axles, w.units, w.brakes, w.onboard[0], run)
-    write_down_and_advance(k, w, record)
 
 
 @part
-def write_down_and_advance(k, w, record):
-    """The plant at instant k as it is recorded, and a control period under what motors and valves are commanded."""
+def record_and_advance(k, w, recording):
+    """Commands go to the plant; the instant as it is recorded; a control period under these commands."""
     plant, run = w.plant[0], w.run[0]
+    wire.apply(w.wheelsets, w.drives, w.cylinders, plant, w.units, w.brakes, run)
     derivative(
-        run.time, w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
-        w.curve, w.scatter, plant,
+        run.time, w.state, w.stages[0], w.wheelsets, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort,
+        w.retard, w.curve, w.scatter, plant,
     )  # fmt: skip
-    note(w.state, w.stages[0], w.axles, w.cars, w.units, w.brakes, plant, run)
-    for n in range(len(record.kept)):  # recorded columns are the first words of a row
-        live, kept = record.live[n], record.kept[n]
+    note(w.state, w.stages[0], w.wheelsets, w.cars, w.drives, w.cylinders, plant)
+    for n in range(len(recording.kept)):  # recorded columns are the first words of a row
+        live, kept = recording.live[n], recording.kept[n]
         for i in range(kept.shape[1]):
             for c in range(kept.shape[2]):
                 kept[k, i, c] = live[i, c]
     advance(
-        run.time, w.state, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard, w.curve,
-        w.scatter, w.rail, plant, record.brakes,
+        run.time, w.state, w.stages, w.wheelsets, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort, w.retard,
+        w.curve, w.scatter, w.rail, plant, recording.cylinders,
     )  # fmt: skip
 
 
-# Both may be called from Python, with parts in Python, and from the compiled loop.
+# These may be called from Python, with parts in Python, and from the compiled loop.
 
 
 @register_jitable(inline="always")
-def aim(belief, share, knows, k, w, record):
+def plan_instant(belief, share, knows, k, w, recording):
     """Up to the targets of instant k."""
-    run = w.run[0]
-    listen(k, w)
+    read_inputs(k, w)
     if knows:
-        true_limits(
-            run.time, w.state, w.stages, w.axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
-            w.curve, w.scatter, w.plant[0], run,
-        )  # fmt: skip
-    if belief(k, w.units, record.units, w.report_tick, run):
+        tell_oracle(w)
+    decide_instant(belief, share, k, w, recording)
+
+
+@register_jitable(inline="always")
+def decide_instant(belief, share, k, w, recording):
+    """From the readings of instant k to its targets."""
+    run = w.run[0]
+    sense_instant(k, w)
+    if belief(k, w.units, recording.units, w.report_tick, run):
         run.asked += 1
         run.case = 0
         run.level = share(w.units, run)
         if run.case == 0:
             run.case = case_of(w.units, run)
-    set_aims(k, w, record)
+    set_instant_targets(k, w, recording)
 
 
 @register_jitable(inline="always")
-def command(control, w):
+def command_units(control, w):
     """What the readhesion controller of each unit commands."""
     axles, units, memory, run = w.axles, w.units, w.memory, w.run[0]
     for j in range(units.size):
         control(units[j], axles[units[j].first : units[j].last], memory[j], run)
 
 
-def steps(belief, share, control, knows, first, w, record):
+@register_jitable(inline="always")
+def finish_instant(k, w, recording):
+    """Brakes are commanded, the instant is recorded, and the plant goes to the next."""
+    command_brakes(k, w)
+    record_and_advance(k, w, recording)
+
+
+def run_instants(belief, share, control, knows, first, w, recording):
     """All instants from `first` on."""
     for k in range(first, w.command.size):
-        aim(belief, share, knows, k, w, record)
-        command(control, w)
-        go(k, w, record)
+        plan_instant(belief, share, knows, k, w, recording)
+        command_units(control, w)
+        finish_instant(k, w, recording)
 
 
 @cache
-def compiled_steps(*kinds: Any) -> Any:
-    """`steps` for compiled parts, which it calls by their addresses, so it is compiled once for all of them.
+def compiled_instants(*kinds: Any) -> Any:
+    """`run_instants` for compiled parts, which it calls by their addresses, so it is compiled once for all of them.
 
-    `kinds`: Numba's types of a world and a record, which are those of any other.
+    `kinds`: Numba's types of a world and a recording, which are those of any other.
     """
-    return jit(void(BELIEF_TYPE, SHARE_TYPE, CONTROL_TYPE, boolean, int64, *kinds))(steps)
+    return jit(void(BELIEF_TYPE, SHARE_TYPE, CONTROL_TYPE, boolean, int64, *kinds))(run_instants)

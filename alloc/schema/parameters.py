@@ -49,12 +49,16 @@ ANY = Bounds()
 """Of a number that declares none: finite."""
 
 
-def quantity(default: Any, unit: str, *, least: float = 0.0, **others: Any) -> Any:
+def quantity(
+    default: Any, unit: str, *, least: float = 0.0, later: bool = False, **others: Any
+) -> Any:
     """A number of a record, or several, kept in SI units as its `Bounds` are; MISSING as `default`: there is none.
 
-    `unit`: that of the key in files, "1" for a pure number.
+    `unit`: that of the key in files, "1" for a pure number. `later`: it came after hashes of events were stored, so
+    it counts in a hash where it is not its default.
     """
-    return field(default=default, metadata={"unit": unit, "bounds": Bounds(least=least, **others)})
+    bounds = Bounds(least=least, **others)
+    return field(default=default, metadata={"unit": unit, "bounds": bounds, "later": later})
 
 
 @dataclass(frozen=True)

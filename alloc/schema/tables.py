@@ -4,6 +4,7 @@ From a column follow the memory of compiled code, a variable of the recorded run
 Rows are read by name everywhere: `units[j].limit` in compiled and in plain code, `units.limit` in NumPy.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields
 from typing import Any
@@ -12,9 +13,11 @@ import numpy as np
 from numba import from_dtype
 from numpy.typing import NDArray
 
+from alloc.compilation import jit
 from alloc.schema.parameters import meanings
 from alloc.schema.units import UNITS
 
+INF, NAN, ONE = math.inf, math.nan, "1"
 Rows = Any
 """A `numpy.recarray` of a table; a row's columns are attributes of it."""
 
@@ -109,3 +112,11 @@ def words(rows: Rows) -> NDArray[np.int64]:
     """The memory of rows, row by row in words of 8 bytes; compiled code copies records with it."""
     view: NDArray[np.int64] = np.asarray(rows).view(np.int64)
     return view.reshape(*rows.shape, rows.dtype.itemsize // 8)
+
+
+@jit
+def look_up(tables, j, place):
+    """Value of table `j` at a place between its points; beyond an end that of the end."""
+    place = min(max(place, 0.0), tables.shape[1] - 1.000001)
+    k = int(place)
+    return tables[j, k] + (place - k) * (tables[j, k + 1] - tables[j, k])

@@ -21,7 +21,7 @@ from alloc.laws import GRAVITY
 from alloc.onboard.settings import Assumed, Onboard
 from alloc.plant import rail as plant
 from alloc.plant.curves import CURVES, AdhesionCurve
-from alloc.plant.rows import rows_of
+from alloc.plant.rows import planned_coefficients, rows_of
 from alloc.plant.train import InverterGroup, Train
 from alloc.plant.trains import TRAINS, find_train
 from alloc.run.event import STEP, DriverCommand, Event
@@ -220,7 +220,9 @@ class Variation(Keys):
 # the train's computers
 
 
-_Belief: Any = keys_of(Assumed, "mass_factor", "resistance_factor")
+_Belief: Any = keys_of(
+    Assumed, "mass_factor", "resistance_factor", "lag_factor", "inertia_factor", "brake_factor"
+)
 
 
 class BeliefKeys(_Belief):
@@ -273,12 +275,15 @@ MOST_OF_EFFORT = 1.5
 def remarks(event: Event) -> Iterator[str]:
     """What is possible in an event, but hardly meant: a sentence for each, which names the key."""
     train, rows, step = event.train, rows_of(event.train), 0.05
-    units, needs = rows.units, float(rows.plant["brake_planned"])
+    wheelsets, drives, brakes = rows.wheelsets, rows.drives, rows.cylinders.size > 0
+    needs = planned_coefficients(
+        wheelsets, wheelsets.inertia, wheelsets.static_load, train.mass, True, brakes
+    )["brake_planned"]
     asked = event.command.sampled(np.arange(0.0, event.duration, step))
     if not asked.any():
         yield f"command: none asks for an acceleration before the end, duration_s = {event.duration:g}"
     most = rows.effort.max(axis=1, initial=0.0)
-    motors = float((most * units.axles * units.gear / units.radius).sum())
+    motors = float((most * drives.axles * drives.gear / drives.radius).sum())
     motors /= train.mass + train.rotating_mass
     for k, one in enumerate(event.command.accelerations, 1):
         key, needed = f"command[{k}].acceleration_kmhs = {3.6 * one:.6g}", -one * needs

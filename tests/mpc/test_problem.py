@@ -88,14 +88,14 @@ def test_the_wheel_is_the_simulated_one():
     rng, curve = np.random.default_rng(1), RationalCurve(peak_slip=0.2)
     event = load("wet-patch").event(0)
     w = replace(event, rail=replace(event.rail, level=0.1, curve=curve)).world()
-    axles, plant, n = w.axles, w.plant[0], w.axles.size
+    axles, plant, n = w.wheelsets, w.plant[0], w.wheelsets.size
     omega, pair = 2, 0.07
     w.state[1] = 20.0
     w.state[omega : omega + n] = (20.0 + rng.uniform(0.01, 0.5, n)) / axles.radius
-    w.state[omega + n : omega + n + w.units.size] = rng.uniform(0.0, 900.0, w.units.size)
+    w.state[omega + n : omega + n + w.drives.size] = rng.uniform(0.0, 900.0, w.drives.size)
     rate = np.zeros_like(w.state)
     derivative(
-        0.0, w.state, rate, axles, w.cars, w.units, w.brakes, w.patches, w.line, w.effort, w.retard,
+        0.0, w.state, rate, axles, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort, w.retard,
         w.curve, w.scatter, plant,
     )  # fmt: skip
     unit = BELIEVED.rows(1)[0]

@@ -49,10 +49,11 @@ def test_the_noise_of_the_sensors_is_measured():
 @looped("strange", (-5.0, 9.0))
 def test_axles_that_are_not_driven_or_not_seen_say_nothing(strange):
     (unit, axles, run), memory = rows(axles=AXLES), CONTROLLER.rows(1)[0]
-    axles.unit[2:5], axles.sensed[5:], axles.lost[0], axles.back[0] = -1, 0, 0.2, 0.3
+    axles.unit[2:5], axles.seen[5:] = -1, 0
     unit.torque_target, unit.motor_torque = 0.15 * SCALE, 0.1 * SCALE
     for k in range(50):
         run.time, run.reference_speed, axles.reading[:] = 0.01 * k, 0.01 * k, strange
+        axles.seen[0] = not 20 <= k < 30
         axles.reading[:2] = strange if 20 <= k < 30 else 0.012 * k, 0.013 * k
         CONTROLLER.control(unit, axles, memory, run)
     m = memory.view(MPC.dtype)[0]
@@ -63,7 +64,7 @@ def test_axles_that_are_not_driven_or_not_seen_say_nothing(strange):
 
 def test_a_unit_that_sees_no_axle_follows_its_target():
     unit, axles, run = rows()
-    axles.sensed[:], unit.torque_target = 0, 0.1 * SCALE
+    axles.seen[:], unit.torque_target = 0, 0.1 * SCALE
     CONTROLLER.control(unit, axles, CONTROLLER.rows(1)[0], run)
     assert unit.torque_command == 0.1 * SCALE
 

@@ -347,9 +347,7 @@ def test_shipped_events_need_no_remark(name):
     assert not list(remarks(load(name).event(3)))
 
 
-def test_a_train_that_a_plug_in_brings_counts_with_its_file(monkeypatch):
-    monkeypatch.setattr(TRAINS, "_parts", dict(TRAINS._parts))
-    monkeypatch.setattr(TRAINS, "_origins", dict(TRAINS._origins))
+def test_a_train_that_a_plug_in_brings_counts_with_its_file():
     TRAINS.register("own-train", lambda: find_train("commuter-8car"))
     assert __name__ in load("wet-patch").changed(train="own-train").sources
     assert load("wet-patch").changed(duration_s=np.float64(3.0)).duration_s == 3.0
