@@ -14,7 +14,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from alloc.evaluation.metrics import series
+from alloc.evaluation.recorded_run import series
 from alloc.rules import RULES
 from studies.files.scenario import Scenario, load
 from studies.population import draws as e

@@ -22,7 +22,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from alloc.evaluation.metrics import jerk
+from alloc.evaluation.recorded_run import car_jerk
 from alloc.laws import GRAVITY
 from alloc.onboard.settings import Onboard
 from alloc.plant.rail import Line, Rail
@@ -453,7 +453,7 @@ def measured(of: Route, run: xr.Dataset) -> Row:
     time, x = run["time"].values, run["position"].values
     speed = (run["speed"] - run["commanded_speed"]).values
     pull = (run["acceleration"] - run["commanded_acceleration"]).values
-    jolt, felt = jerk(run)[:, 0], []
+    jolt, felt = car_jerk(run)[:, 0], []
     for at, place in of.changes:
         begin, rear = np.searchsorted(x, [at, at + of.train.length])
         end = np.searchsorted(time, time[min(rear, time.size - 1)] + SETTLE)

@@ -22,7 +22,7 @@ from scipy.signal import find_peaks
 
 from alloc.backends import compiled as law
 from alloc.compilation import jit
-from alloc.evaluation.series import spans
+from alloc.evaluation.measured_series import spans
 from alloc.laws import GRAVITY, gradient_force
 from alloc.onboard.controllers.plain import asymmetric_lag, torque_factor
 from alloc.plant.curves import PiecewiseCurve

@@ -27,7 +27,7 @@ from alloc.evaluation.brake_force import (
     rolling_mass,
     smooth_brake_forces,
 )
-from alloc.evaluation.series import spans
+from alloc.evaluation.measured_series import spans
 from alloc.laws import resistance, speed_law
 from alloc.plant.rail import Rail
 from alloc.plant.rows import rows_of

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.fft import dct, idct
 
-from alloc.evaluation.series import finite_series, positive_series
+from alloc.evaluation.measured_series import finite_series, positive_series
 from alloc.schema.errors import EstimationError
 
 Floats = NDArray[np.float64]

@@ -11,16 +11,13 @@ quasi-static bound: wheels are in balance, and what they have cleaned of the rai
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.compilation import jit
+from alloc.evaluation.recorded_run import RecordedRun
 from alloc.plant.curves import coefficient
-
-if TYPE_CHECKING:
-    from alloc.evaluation.metrics import Run
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +30,7 @@ COSTS = np.concatenate([[0.0], np.geomspace(1e-4, 100.0, 160)])
 
 
 @dataclass(frozen=True)
-class Fronts:
+class BestSplits:
     """Best splits at sampled instants."""
 
     force: Floats
@@ -42,21 +39,21 @@ class Fronts:
     """That they dissipated [W], (instants,)."""
     ceiling: Floats
     """The most that the event's best course may deliver [N], (instants,)."""
-    given: Floats
+    delivered: Floats
     """What the best split delivers at each of `COSTS` [N], (instants, costs)."""
-    taken: Floats
+    dissipated: Floats
     """The power that it dissipates [W], (instants, costs)."""
 
     def least(self, force: Floats) -> Floats:
         """Least power [W] for `force` [N], (instants,): between two costs, which are its slopes, it is a parabola."""
-        found = np.empty(force.size)
-        for k, (given, taken) in enumerate(zip(self.given, self.taken, strict=True)):
-            q = min(max(int(np.searchsorted(given, force[k])), 1), COSTS.size - 1)
-            step = max(given[q] - given[q - 1], 1e-9)
-            u = min(max((force[k] - given[q - 1]) / step, 0.0), 1.0)
+        least = np.empty(force.size)
+        for k, (delivered, power) in enumerate(zip(self.delivered, self.dissipated, strict=True)):
+            q = min(max(int(np.searchsorted(delivered, force[k])), 1), COSTS.size - 1)
+            step = max(delivered[q] - delivered[q - 1], 1e-9)
+            u = min(max((force[k] - delivered[q - 1]) / step, 0.0), 1.0)
             bend = 0.5 * u * (1.0 - u) * step * (COSTS[q] - COSTS[q - 1])
-            found[k] = taken[q - 1] + u * (taken[q] - taken[q - 1]) - bend
-        return found
+            least[k] = power[q - 1] + u * (power[q] - power[q - 1]) - bend
+        return least
 
     def excess(self, force: Floats) -> float:
         """The power over the least at which `force` (instants,) [N] is delivered, less 1; nan where that is 0."""
@@ -65,14 +62,14 @@ class Fronts:
 
     def best_course(self) -> Floats:
         """The force (instants,) [N] of the same impulse that has one marginal cost in the whole event, at most `ceiling`."""
-        course = np.minimum(self.given, self.ceiling[:, None])
+        course = np.minimum(self.delivered, self.ceiling[:, None])
         total, wanted = course.sum(axis=0), self.force.sum()
         q = min(max(int(np.searchsorted(total, wanted)), 1), COSTS.size - 1)
         part = np.clip((wanted - total[q - 1]) / max(total[q] - total[q - 1], 1e-9), 0.0, 1.0)
         return np.asarray(course[:, q - 1] + part * (course[:, q] - course[:, q - 1]))
 
 
-def find_fronts(run: "Run") -> Fronts | None:
+def find_best_splits(run: RecordedRun) -> BestSplits | None:
     """Best splits of the effort; None without driven axles or demand, or where the run names no curve."""
     chosen = np.flatnonzero(run.demand)[:: run.instants(SAMPLED)]
     axles = np.argsort(run.unit, kind="stable")[(~run.driven).sum() :]
@@ -89,28 +86,29 @@ def find_fronts(run: "Run") -> Fronts | None:
     new = np.append(True, np.diff(unit) != 0) | (run["unit_parallel"][unit] > 0)
     first = np.flatnonzero(np.append(new, True))
     most = np.maximum(able / run.axles, 0.0)[:, unit[first[:-1]]]
-    given, taken = np.zeros((2, chosen.size, COSTS.size))
-    fill(
-        int(run.attrs["curve"]), values, run.way[chosen], speed, of_axles("offered"),
-        run["axle_contact"][axles].astype(float), of_axles("peak_slip"), of_axles("axle_load"), most, first, COSTS, given,
-        taken,
-    )  # fmt: skip
+    contact = run["axle_contact"][axles].astype(float)
+    peak, top, load = map(of_axles, ("offered", "peak_slip", "axle_load"))
+    curve, way = int(run.attrs["curve"]), run.way[chosen]
+    delivered, dissipated = tabulate_splits(
+        curve, values, way, speed, peak, contact, top, load, most, first
+    )
     # wheels that failed motors do not turn resist, whatever the split
     force = run.force[chosen][:, axles].sum(axis=1) - np.minimum(able, 0.0).sum(axis=1)
     plan = run.settled[chosen] * run.planned[chosen] * run.load[axles].sum()
     power = (run.slip * np.abs(run.force))[chosen][:, axles].sum(axis=1)
-    possible = np.clip(force, 0.0, given[:, -1])
-    return Fronts(possible, power, np.maximum(plan, force), given, taken)
+    possible = np.clip(force, 0.0, delivered[:, -1])
+    return BestSplits(possible, power, np.maximum(plan, force), delivered, dissipated)
 
 
 @jit
-def fill(curve, values, way, speed, peak, contact, top, load, able, first, costs, given, taken):
-    """Add up over the parts what each delivers [N] and dissipates [W] at each marginal cost, into (instants, costs).
+def tabulate_splits(curve, values, way, speed, peak, contact, top, load, able, first):
+    """What all parts together deliver [N] and dissipate [W] at each of `COSTS`, both (instants, costs).
 
     `way` (instants,); `contact` (axles,); `speed`, `peak`, `top` (slip of the peak), `load` (instants, axles); `able`
     (instants, parts): what motors allow an axle [N]; the axles of part j are those from `first[j]` to `first[j + 1]`.
     Between steps of w, power is a parabola of force.
     """
+    delivered, dissipated = np.zeros((2, top.shape[0], COSTS.size))
     table, most = np.empty((top.shape[1], NODES + 1)), np.empty(top.shape[1])
     force, power, middle, price = np.zeros((4, STEPS + 1))
     for k in range(top.shape[0]):
@@ -148,17 +146,18 @@ def fill(curve, values, way, speed, peak, contact, top, load, able, first, costs
                 slope = (power[m + 1] - power[m]) / (force[m + 1] - force[m])
                 price[m + 1], middle[m + 1] = max(slope, price[m]), 0.5 * (force[m] + force[m + 1])
             m = 0  # the best force at a cost lies between the middles of two steps
-            for q in range(costs.size):
-                while m < STEPS and price[m + 1] <= costs[q]:
+            for q in range(COSTS.size):
+                while m < STEPS and price[m + 1] <= COSTS[q]:
                     m += 1
                 f = force[STEPS]
                 if m < STEPS:
-                    rise = (middle[m + 1] - middle[m]) * (costs[q] - price[m])
+                    rise = (middle[m + 1] - middle[m]) * (COSTS[q] - price[m])
                     f = middle[m] + rise / max(price[m + 1] - price[m], 1e-12)
                 n = min(max(np.searchsorted(force, f), 1), STEPS)
                 step = force[n] - force[n - 1]
                 u = (f - force[n - 1]) / step
                 bend = price[min(n + 1, STEPS)] - price[n - 1]
                 bend = 0.25 * bend * step * u * (1.0 - u)
-                given[k, q] += f
-                taken[k, q] += power[n - 1] + u * (power[n] - power[n - 1]) - bend
+                delivered[k, q] += f
+                dissipated[k, q] += power[n - 1] + u * (power[n] - power[n - 1]) - bend
+    return delivered, dissipated

@@ -16,7 +16,7 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.evaluation.series import finite_series, positive_series
+from alloc.evaluation.measured_series import finite_series, positive_series
 from alloc.schema.errors import EstimationError
 
 Floats = NDArray[np.float64]

@@ -31,7 +31,7 @@ from studies import SourcesChanged
 OWN, BELOW = "studies", ("alloc", "mpc")
 """The package whose definitions are followed one by one, and those that count as they are."""
 APART = (
-    "alloc.evaluation.brake_force", "alloc.evaluation.wheel_damage", "alloc.evaluation.series",
+    "alloc.evaluation.brake_force", "alloc.evaluation.wheel_damage", "alloc.evaluation.measured_series",
     "alloc.conformance", "alloc.rules.conformance",
 )  # fmt: skip
 """What of `alloc` no run uses: it counts where a function names it."""

@@ -5,7 +5,8 @@ import pytest
 import xarray as xr
 
 from alloc.evaluation import metrics
-from alloc.evaluation.metrics import METRICS, Run, evaluate, jerk, metric, series
+from alloc.evaluation.metrics import METRICS, evaluate, metric
+from alloc.evaluation.recorded_run import RecordedRun, car_jerk, series
 from alloc.plant.curves import PiecewiseCurve
 from alloc.schema.errors import UnsoundRun
 from alloc.schema.registry import Registry
@@ -177,7 +178,7 @@ def test_half_of_the_plan_for_four_seconds_loses_two(command, name):
 def test_motors_and_not_the_rail_bound_a_unit_that_has_failed():
     limit = np.array([[1e9, 0.0]])
     run = made([[4e4, 0.0]] * 800, 0.6, drive_limit=limit)
-    found = Run(run).bounds
+    found = RecordedRun(run).bounds
     assert found.bound[-1] == pytest.approx(6e4)
     assert found.apart[-1] == pytest.approx(4e4)
     # its part of the plan is out of reach on any rail
@@ -187,7 +188,7 @@ def test_motors_and_not_the_rail_bound_a_unit_that_has_failed():
 def test_the_jerk_of_a_slow_oscillation_is_its_derivative():
     time = 0.01 * np.arange(2000)
     run = made(np.full((2000, 2), 1e4), car_acceleration=0.1 * np.sin(2.0 * time)[:, None])
-    assert jerk(run)[200:-200, 0] == pytest.approx(0.2 * np.cos(2.0 * time)[200:-200], abs=1e-3)
+    assert car_jerk(run)[200:-200, 0] == pytest.approx(0.2 * np.cos(2.0 * time)[200:-200], abs=1e-3)
 
 
 @pytest.mark.parametrize("hertz", [2.0, 5.0, 10.0])
@@ -196,7 +197,7 @@ def test_jerk_above_the_cut_off_is_filtered_out(hertz):
     turn = 2.0 * np.pi * hertz * 0.01
     run = made(np.full((2000, 2), 1e4), car_acceleration=np.sin(turn * np.arange(2000))[:, None])
     expected = np.sin(turn) / 0.01 / (1.0 + (hertz / 5.0) ** 4) / np.sqrt(2.0)
-    assert np.std(jerk(run)[200:-200, 0]) == pytest.approx(expected, rel=0.01)
+    assert np.std(car_jerk(run)[200:-200, 0]) == pytest.approx(expected, rel=0.01)
 
 
 def test_torque_fluctuation_is_about_the_mean_of_a_second():

@@ -254,8 +254,8 @@ def test_a_row_depends_on_what_its_function_names(monkeypatch, tmp_path, old, ne
 
 
 @pytest.mark.parametrize(("edited", "part"), [
-    ("alloc/evaluation/series.py", "alloc.evaluation.series"), ("alloc/conformance.py", "alloc.conformance"),
-    ("alloc/plant/rail.py", "alloc"),
+    ("alloc/evaluation/measured_series.py", "alloc.evaluation.measured_series"),
+    ("alloc/conformance.py", "alloc.conformance"), ("alloc/plant/rail.py", "alloc"),
 ])  # fmt: skip
 def test_what_no_run_uses_counts_where_it_is_named(monkeypatch, edited, part):
     """Estimations of measured runs, kits and citations stand apart."""
