@@ -34,9 +34,12 @@ def rolling_mass(mass: ArrayLike, inertia: ArrayLike, radius: ArrayLike) -> Floa
 
 
 def group_brake_force(
-    acceleration: ArrayLike, mass: float, front: ArrayLike | None = None,
-    rear: ArrayLike | None = None, resistance: ArrayLike = 0.0,
-) -> Floats:  # fmt: skip
+    acceleration: ArrayLike,
+    mass: float,
+    front: ArrayLike | None = None,
+    rear: ArrayLike | None = None,
+    resistance: ArrayLike = 0.0,
+) -> Floats:
     """Brake force [N] of a stretch of cars between two couplers, (time,): -m a + R_front - R_rear - W.
 
     A single car: (2), (4), (9); the locomotive: (3), with `rear` alone; all wagons behind it: (5), with `front` alone.
@@ -45,9 +48,9 @@ def group_brake_force(
     """
     a = finite_series("acceleration", acceleration, (None,))
     force = -positive_series("mass", mass, ()) * a
-    for sign, name, given in ((1.0, "front", front), (-1.0, "rear", rear)):
-        if given is not None:
-            force = force + sign * finite_series(name, given, a.shape)
+    for sign, name, coupler_force in ((1.0, "front", front), (-1.0, "rear", rear)):
+        if coupler_force is not None:
+            force = force + sign * finite_series(name, coupler_force, a.shape)
     return np.asarray(force - finite_series("resistance", resistance, (), a.shape))
 
 
@@ -66,8 +69,8 @@ def car_brake_forces(
         couplers = finite_series("coupler_force", coupler_force, (len(a), m.size - 1))
     drag = finite_series("resistance", resistance, (), (m.size,), (a.shape[0], m.size))
     between = np.pad(couplers, ((0, 0), (1, 1)))
-    own = a if a.ndim == 2 else a[:, None]
-    return np.asarray(-m * own + between[:, :-1] - between[:, 1:] - drag)
+    a = a if a.ndim == 2 else a[:, None]
+    return np.asarray(-m * a + between[:, :-1] - between[:, 1:] - drag)
 
 
 def coupler_force_between(
@@ -123,8 +126,10 @@ def braking_window(pressure: ArrayLike, speed: ArrayLike) -> slice:
     final = float(np.median(p[(3 * end) // 4 : end]))
     built = np.flatnonzero(p[:end] >= BUILT_UP * final)
     if not (math.isfinite(final) and final > 0.0 and built.size):
-        told = f"{BUILT_UP:.1%} of {final:g} Pa; is the train braked?"
-        raise EstimationError(f"averaging: the pressure does not reach {told}")
+        level = f"{BUILT_UP:.1%} of {final:g} Pa"
+        raise EstimationError(
+            f"averaging: the pressure does not reach {level}; is the train braked?"
+        )
     return slice(int(built[0]), end)
 
 
@@ -133,10 +138,14 @@ STIFFNESS = np.geomspace(1e-3, 1e10, 80)
 
 
 def smooth_brake_forces(
-    acceleration: ArrayLike, coupler_force: ArrayLike, mass: ArrayLike, acceleration_noise: float,
-    coupler_noise: float, resistance: ArrayLike = 0.0,
-) -> Floats:  # fmt: skip
-    """Brake forces of all cars, smoothed over the stop, (time, cars); arguments as `car_brake_forces`, of own accelerations.
+    acceleration: ArrayLike,
+    coupler_force: ArrayLike,
+    mass: ArrayLike,
+    acceleration_noise: float,
+    coupler_noise: float,
+    resistance: ArrayLike = 0.0,
+) -> Floats:
+    """Brake forces of all cars, smoothed over the stop, (time, cars); arguments as `car_brake_forces`, accelerations by car.
 
     `acceleration_noise` [m/s2], `coupler_noise` [N]: standard deviations of white noise per sample. A car's measurement is
     (2), exact at every instant whatever the couplers do, since their forces are measured. Its penalised least squares are
@@ -144,20 +153,20 @@ def smooth_brake_forces(
     that counts which has the least expected error (Mallows 1973): a brake may build up or pulse as fast as it likes.
     """
     m = positive_series("mass", mass, (None,))
-    noise = float(positive_series("acceleration_noise", acceleration_noise, ()))
-    other = float(positive_series("coupler_noise", coupler_noise, ()))
-    own = finite_series("acceleration", acceleration, (None, m.size))
-    samples, car = len(own), np.arange(m.size)
+    a_noise = float(positive_series("acceleration_noise", acceleration_noise, ()))
+    r_noise = float(positive_series("coupler_noise", coupler_noise, ()))
+    a = finite_series("acceleration", acceleration, (None, m.size))
+    samples, car = len(a), np.arange(m.size)
     if samples < 3:
-        told = f"{samples} samples have no second difference; give 3 or more"
-        raise EstimationError(f"smoother: {told}")
+        advice = "have no second difference; give 3 or more"
+        raise EstimationError(f"smoother: {samples} samples {advice}")
     couplers = 2 - (car == 0) - (car == m.size - 1)
-    variance = (noise * m) ** 2 + couplers * other**2
-    parts = dct(car_brake_forces(own, coupler_force, m, resistance), axis=0, norm="ortho")
+    variance = (a_noise * m) ** 2 + couplers * r_noise**2
+    parts = dct(car_brake_forces(a, coupler_force, m, resistance), axis=0, norm="ortho")
     bending = (2.0 - 2.0 * np.cos(np.pi * np.arange(samples) / samples)) ** 2
-    kept = 1.0 / (1.0 + STIFFNESS[:, None] * bending)
-    error = (1.0 - kept) ** 2 @ (parts**2 / variance) + 2.0 * kept.sum(axis=1)[:, None]
-    return np.asarray(idct(kept[error.argmin(axis=0)].T * parts, axis=0, norm="ortho"))
+    gain = 1.0 / (1.0 + STIFFNESS[:, None] * bending)
+    error = (1.0 - gain) ** 2 @ (parts**2 / variance) + 2.0 * gain.sum(axis=1)[:, None]
+    return np.asarray(idct(gain[error.argmin(axis=0)].T * parts, axis=0, norm="ortho"))
 
 
 class CalibrationErrors(NamedTuple):
@@ -183,7 +192,7 @@ class CalibrationErrors(NamedTuple):
         m = positive_series("mass", mass, (None,))
         a = finite_series("acceleration", acceleration, (m.size,), (None, m.size))
         couplers = finite_series("coupler_force", coupler_force)
-        each = self.coupler_offset**2 + (self.coupler_gain * couplers) ** 2
-        ends = np.pad(each, [(0, 0)] * (each.ndim - 1) + [(1, 1)])
-        own = (m * self.acceleration_offset) ** 2 + (self.mass * m * a) ** 2
-        return np.asarray(np.sqrt(own + ends[..., :-1] + ends[..., 1:]))
+        variance = self.coupler_offset**2 + (self.coupler_gain * couplers) ** 2
+        ends = np.pad(variance, [(0, 0)] * (variance.ndim - 1) + [(1, 1)])
+        car = (m * self.acceleration_offset) ** 2 + (self.mass * m * a) ** 2
+        return np.asarray(np.sqrt(car + ends[..., :-1] + ends[..., 1:]))

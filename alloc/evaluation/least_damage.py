@@ -71,40 +71,40 @@ class BestSplits:
 
 def find_best_splits(run: RecordedRun) -> BestSplits | None:
     """Best splits of the effort; None without driven axles or demand, or where the run names no curve."""
-    chosen = np.flatnonzero(run.demand)[:: run.instants(SAMPLED)]
+    instants = np.flatnonzero(run.demand)[:: run.instants(SAMPLED)]
     axles = np.argsort(run.unit, kind="stable")[(~run.driven).sum() :]
-    if "curve" not in run.attrs or not axles.size or not chosen.size:
+    if "curve" not in run.attrs or not axles.size or not instants.size:
         return None
 
-    def of_axles(name: str) -> Floats:
-        return np.ascontiguousarray(run[name][chosen][:, axles], dtype=float)
+    def select_axles(name: str) -> Floats:
+        return np.ascontiguousarray(run[name][instants][:, axles], dtype=float)
 
-    speed = np.ascontiguousarray(np.abs(run["car_speed"][chosen][:, run["axle_car"][axles]]))
+    speed = np.ascontiguousarray(np.abs(run["car_speed"][instants][:, run["axle_car"][axles]]))
     values = np.atleast_1d(np.asarray(run.attrs["curve_values"], dtype=float))
     # a part has one torque: a unit, or an axle of a unit whose motors are in parallel
-    unit, able = run.unit[axles], run.motors[chosen]
+    unit, pull = run.unit[axles], run.motors[instants]
     new = np.append(True, np.diff(unit) != 0) | (run["unit_parallel"][unit] > 0)
     first = np.flatnonzero(np.append(new, True))
-    most = np.maximum(able / run.axles, 0.0)[:, unit[first[:-1]]]
+    most = np.maximum(pull / run.axles, 0.0)[:, unit[first[:-1]]]
     contact = run["axle_contact"][axles].astype(float)
-    peak, top, load = map(of_axles, ("offered", "peak_slip", "axle_load"))
-    curve, way = int(run.attrs["curve"]), run.way[chosen]
+    peak, top, load = map(select_axles, ("offered", "peak_slip", "axle_load"))
+    curve, way = int(run.attrs["curve"]), run.way[instants]
     delivered, dissipated = tabulate_splits(
         curve, values, way, speed, peak, contact, top, load, most, first
     )
     # wheels that failed motors do not turn resist, whatever the split
-    force = run.force[chosen][:, axles].sum(axis=1) - np.minimum(able, 0.0).sum(axis=1)
-    plan = run.settled[chosen] * run.planned[chosen] * run.load[axles].sum()
-    power = (run.slip * np.abs(run.force))[chosen][:, axles].sum(axis=1)
+    force = run.force[instants][:, axles].sum(axis=1) - np.minimum(pull, 0.0).sum(axis=1)
+    plan = run.settled[instants] * run.planned[instants] * run.load[axles].sum()
+    power = (run.slip * np.abs(run.force))[instants][:, axles].sum(axis=1)
     possible = np.clip(force, 0.0, delivered[:, -1])
     return BestSplits(possible, power, np.maximum(plan, force), delivered, dissipated)
 
 
 @jit
-def tabulate_splits(curve, values, way, speed, peak, contact, top, load, able, first):
+def tabulate_splits(curve, values, way, speed, peak, contact, top, load, pull, first):
     """What all parts together deliver [N] and dissipate [W] at each of `COSTS`, both (instants, costs).
 
-    `way` (instants,); `contact` (axles,); `speed`, `peak`, `top` (slip of the peak), `load` (instants, axles); `able`
+    `way` (instants,); `contact` (axles,); `speed`, `peak`, `top` (slip of the peak), `load` (instants, axles); `pull`
     (instants, parts): what motors allow an axle [N]; the axles of part j are those from `first[j]` to `first[j + 1]`.
     Between steps of w, power is a parabola of force.
     """
@@ -124,7 +124,7 @@ def tabulate_splits(curve, values, way, speed, peak, contact, top, load, able, f
                 least = min(least, np.sqrt(max(1.0 - way[k] * mu / best, 0.0)))
                 table[i, node] = least
         for j in range(first.size - 1):
-            number, cap = first[j + 1] - first[j], able[k, j]
+            number, cap = first[j + 1] - first[j], pull[k, j]
             for i in range(first[j], first[j + 1]):
                 cap = min(cap, most[i])
             if cap <= 0.0:

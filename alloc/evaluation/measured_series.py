@@ -41,10 +41,10 @@ def finite_series(name: str, values: ArrayLike, *shapes: tuple[int | None, ...])
         raise EstimationError(f"{name} is empty")
     if not np.all(within := abs(array) <= MOST.get(name, np.finfo(float).max)):
         first = tuple(int(k) for k in np.argwhere(~within)[0])
-        told = "leave out or repair such samples first"
+        advice = "leave out or repair such samples first"
         if np.isfinite(array[first]):
-            told = f"no train has more than {MOST[name]:g} in SI units"
-        raise EstimationError(f"{name} holds {array[first]:g} at {first}; {told}")
+            advice = f"no train has more than {MOST[name]:g} in SI units"
+        raise EstimationError(f"{name} holds {array[first]:g} at {first}; {advice}")
     return array
 
 

@@ -32,19 +32,20 @@ NEGATIVE, NOISE = 0.01, 1.0
 """Share of the sum of all, and Q [J], by which an axle's Q below 0 is no noise: friction takes work, driving or braking."""
 
 
-def _checked(
+def check_series(
     time: ArrayLike, applied: ArrayLike, omega: ArrayLike, inertia: ArrayLike, radius: ArrayLike
 ) -> tuple[Floats, ...]:
     """The arguments that both functions have, as arrays that fit together; raises `EstimationError`, and warns of gaps."""
     time = finite_series("time", time, (None,))
     if time.size < 2 or not np.all(np.diff(time) > 0.0):
-        told = "grow from instant to instant and have two instants or more"
-        raise EstimationError(f"time must {told}")
+        raise EstimationError(
+            "time needs two instants or more, and must grow from each to the next"
+        )
     step = np.diff(time)
     usual, k = float(np.median(step)), int(step.argmax())
     if time.size > 2 and (usual < SHORTEST or step[k] > min(LONGEST, max(SAMPLED, GAP * usual))):
-        told = f"time steps by {step[k]:g} s at {time[k]:g} s, by {usual:g} s as a rule"
-        warnings.warn(f"{told}: are these seconds, and all samples there?", stacklevel=3)
+        steps = f"time steps by {step[k]:g} s at {time[k]:g} s, by {usual:g} s as a rule"
+        warnings.warn(f"{steps}: are these seconds, and all samples there?", stacklevel=3)
     applied = finite_series("applied_force", applied, (time.size, None))
     omega = finite_series("angular_speed", omega, applied.shape)
     inertia = positive_series("inertia", inertia, (), applied.shape[1:])
@@ -70,7 +71,7 @@ def tangential_force(
     The mean is exact for series that are linear between instants. White noise of the rim speed with standard deviation s
     gives a noise of the force of sqrt(2) J s / (R^2 window). Raises `EstimationError`, warns of gaps. JP4209318 (2), (4).
     """
-    time, applied, omega, inertia, radius = _checked(
+    time, applied, omega, inertia, radius = check_series(
         time, applied_force, angular_speed, inertia, radius
     )
     window = float(finite_series("window", window, ()))
@@ -78,12 +79,12 @@ def tangential_force(
     if not window >= shortest * (1.0 - 1e-9):
         raise EstimationError(f"window = {window!r} s is shorter than the sampling, {shortest:g} s")
     step = np.diff(time)[:, None]
-    given = np.zeros_like(applied)
-    np.cumsum(0.5 * (applied[1:] + applied[:-1]) * step, axis=0, out=given[1:])
-    impulse = given - inertia / radius * omega
+    impulse = np.zeros_like(applied)
+    np.cumsum(0.5 * (applied[1:] + applied[:-1]) * step, axis=0, out=impulse[1:])
+    impulse -= inertia / radius * omega
     begin = np.maximum(time - 0.5 * window, time[0])
     end = np.minimum(time + 0.5 * window, time[-1])
-    gained = [np.interp(end, time, one) - np.interp(begin, time, one) for one in impulse.T]
+    gained = [np.interp(end, time, axle) - np.interp(begin, time, axle) for axle in impulse.T]
     return np.stack(gained, axis=1) / (end - begin)[:, None]
 
 
@@ -104,26 +105,26 @@ def wheel_damage(
     100 ms. White noise of the speeds does not bias Q: no noise is multiplied by its own change. A relative error of the
     radius or of the train's speed does: it adds as much of the work of F_t. Raises `EstimationError`, warns of doubts.
     """
-    time, applied, omega, inertia, radius = _checked(
+    time, applied, omega, inertia, radius = check_series(
         time, applied_force, angular_speed, inertia, radius
     )
     train = finite_series("speed", speed, time.shape, applied.shape)
     train = train if train.ndim == 2 else train[:, None]
     slip = radius * omega - train
     for k in np.flatnonzero(~(abs(slip) <= ROLLING * abs(train)).any(axis=0))[:1]:
-        told = f"slip of {slip[:, k].min():g} to {slip[:, k].max():g} m/s; have all speeds their units?"
-        warnings.warn(f"axle {k} never rolls: {told}", stacklevel=2)
+        extent = f"slip of {slip[:, k].min():g} to {slip[:, k].max():g} m/s"
+        warnings.warn(f"axle {k} never rolls: {extent}; have all speeds their units?", stacklevel=2)
     step = np.diff(time)[:, None]
     # product of two straight lines, integrated
-    given = (
+    supplied = (
         applied[:-1] * (2.0 * slip[:-1] + slip[1:]) + applied[1:] * (slip[:-1] + 2.0 * slip[1:])
     ) * (step / 6.0)
     # integral of slip d omega along a straight line; its R omega d omega is exactly the gain of omega^2 R / 2
     turned = inertia / radius * 0.5 * (slip[1:] + slip[:-1]) * np.diff(omega, axis=0)
     damage = np.zeros_like(applied)
-    np.cumsum(given - turned, axis=0, out=damage[1:])
+    np.cumsum(supplied - turned, axis=0, out=damage[1:])
     k, total = int(damage[-1].argmin()), float(abs(damage[-1]).sum())
     if damage[-1, k] < -NEGATIVE * total - NOISE:
-        told = f"axle {k} has a Q of {damage[-1, k]:g} J, of {total:g} J of all"
-        warnings.warn(f"{told}: are the signs right, and all samples measured?", stacklevel=2)
+        share = f"axle {k} has a Q of {damage[-1, k]:g} J, of {total:g} J of all"
+        warnings.warn(f"{share}: are the signs right, and all samples measured?", stacklevel=2)
     return damage
