@@ -39,7 +39,7 @@ def check_series(
     time = finite_series("time", time, (None,))
     if time.size < 2 or not np.all(np.diff(time) > 0.0):
         raise EstimationError(
-            "time needs two instants or more, and must grow from each to the next"
+            "time must grow from each instant to the next; give two instants or more"
         )
     step = np.diff(time)
     usual, k = float(np.median(step)), int(step.argmax())
