@@ -13,7 +13,7 @@ from alloc.onboard.beliefs import Belief
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.signatures import control, share
 from alloc.plant.curves import CURVES, PiecewiseCurve, own_curve
-from alloc.rules import Rule
+from alloc.rules import RULES, Rule
 from alloc.rules.conformance import BrokenLaw, check_rule
 from alloc.run.simulation import simulate
 from alloc.schema.errors import InputError
@@ -77,7 +77,7 @@ class Faulty(PiecewiseCurve):
     (lambda mu, slip: mu + 1e-3 * (slip == 0.0), 1.0, "zero"), (lambda mu, slip: mu + np.nan * slip, 1.0, "finite"),
 ])  # fmt: skip
 def test_a_faulty_curve_is_told(change, apart, law):
-    with pytest.raises(BrokenLaw, match=rf"^Faulty breaks the law '{law}'.*Rolling\(peak="):
+    with pytest.raises(BrokenLaw, match=rf"^Faulty breaks the law '{law}'.*CurvePoint\(peak="):
         check_curve(Faulty(change=change, apart=apart))
 
 
@@ -115,6 +115,21 @@ def test_a_misspelling_is_no_counterexample(kept_by, part, nearest):
     assert re.search(r"(capp|wantd|uper|comand|searchin|exxp)\b", getline(file, int(line)))
 
 
-def test_an_unknown_name_is_told_with_the_nearest():
-    with pytest.raises(InputError, match="'cut-and-rampe'; did you mean 'cut-and-ramp'"):
-        check_part("cut-and-rampe")
+@looped(("check", "name", "nearest"), [
+    (check_part, "cut-and-rampe", "cut-and-ramp"), (check_controller, "perturb-obserf", "perturb-observe"),
+    (check_rule, "exakt", "exact"), (check_curve, "piecewize", "piecewise"),
+])  # fmt: skip
+def test_an_unknown_name_is_told_with_the_nearest(check, name, nearest):
+    with pytest.raises(InputError, match=f"'{name}'; did you mean '{nearest}'"):
+        check(name)
+
+
+@looped("check", [check_rule, check_controller, check_curve])
+def test_what_is_no_part_is_told_in_one_line(check):
+    with pytest.raises(InputError, match=r"= 5: give the name of a"):
+        check(5)
+
+
+def test_a_name_is_checked_as_the_part_itself():
+    assert check_rule("greedy", examples=5) == check_rule(RULES["greedy"], examples=5)
+    assert check_curve("piecewise") == check_curve(PiecewiseCurve())

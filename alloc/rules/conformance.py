@@ -1,12 +1,14 @@
-"""Conformance kit: the laws that an allocation rule keeps, by its promise, over random problems.
+"""Conformance kit: what an allocation rule must keep, by its promise, over random problems.
 
-    check_rule(my_rule)  # {law: worst amount}; raises `BrokenLaw` with a counterexample of few units
+    check_rule(my_rule)  # {requirement: worst amount}; raises `BrokenLaw` with a counterexample of few units
+    check_rule("greedy")
 
 Amounts are shares of the plan.
 """
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,16 +16,19 @@ import numpy as np
 from alloc.rules.exact import exact_limits
 from alloc.rules.problem import CASES, ROUNDING, AllocationProblem, optimality
 from alloc.rules.reference import reference_rule
-from alloc.rules.rule import PROMISES, Rule, rows_of
+from alloc.rules.rule import PROMISES, RULES, Rule, rows_of
 from alloc.schema.errors import InputError, blamed_on
+from alloc.schema.registry import Registry
+
+Amount = Callable[[Any, Any], float]
 
 
-class Law(NamedTuple):
-    """What parts of a kind keep: by how much one breaks it in each of some cases, and how much is `allowed`."""
+class Requirement(NamedTuple):
+    """What parts of a kind keep: by how much a part breaks it in each of its cases, and how much is `allowed`."""
 
     name: str
     meaning: str
-    amount: Callable[[Any, Any], float]
+    amount: Amount
     cases: Sequence[Any] = ()
     allowed: float = 0.0
     kind: str = "bounded"
@@ -32,58 +37,92 @@ class Law(NamedTuple):
     """Of the rules that keep it."""
 
 
-class Verdict(float):
-    """By how much a law is missed at worst; `fault`: how it is broken in `case`, the first and smallest, or nothing."""
+def require(
+    requirements: list[Requirement], name: str, meaning: str, **fields: Any
+) -> Callable[[Amount], Amount]:
+    """Decorator that adds a requirement to those of a kind of parts, by its function `amount(part, case)`."""
 
-    law, allowed, fault = "", 0.0, ""
+    def add(amount: Amount) -> Amount:
+        requirements.append(Requirement(name, meaning, amount, **fields))
+        return amount
+
+    return add
+
+
+class Verdict(float):
+    """By how much a requirement is missed at worst; `fault`: how it is broken in `case`, the first and smallest."""
+
+    requirement, allowed, fault = "", 0.0, ""
     case: Any = None
 
     def __str__(self) -> str:
-        kept = "broken" if self.fault else "kept"
-        return f"{kept:6} {self.law:14} by {float(self):.2g}, allowed {self.allowed:.2g}"
+        verdict = "broken" if self.fault else "kept"
+        return f"{verdict:6} {self.requirement:14} by {float(self):.2g}, allowed {self.allowed:.2g}"
 
 
 class BrokenLaw(AssertionError):
-    """A part breaks laws: a line for each with its amount and counterexample, then a line for every law's verdict."""
+    """A part breaks requirements: a line for each with its amount and counterexample, then a line for every verdict."""
 
     def __init__(self, verdicts: dict[str, Verdict]) -> None:
-        self.verdicts, self.broken = verdicts, [one.fault for one in verdicts.values() if one.fault]
-        super().__init__("\n".join([*self.broken, *map(str, verdicts.values())]))
+        faults = [verdict.fault for verdict in verdicts.values() if verdict.fault]
+        self.verdicts, self.broken = verdicts, faults
+        super().__init__("\n".join([*faults, *map(str, verdicts.values())]))
 
 
-def check(part: Any, name: str, laws: Sequence[Law], tolerance: float) -> dict[str, Verdict]:
-    """Verdict on every law; raises `BrokenLaw` where one is broken by over `tolerance`, `InputError` at a misspelling."""
+def find_part(registry: Registry[Any], part: Any) -> Any:
+    """The part of this name, or the part itself; raises `InputError` for what is neither."""
+    if isinstance(part, str):
+        return registry.find(part)
+    if not callable(getattr(part, "control", part)):
+        kind = registry.kind
+        raise InputError(f"{kind} = {part!r:.60}: give the name of a {kind}, or the {kind} itself")
+    return part
+
+
+def check_requirements(
+    part: Any, name: str, requirements: Sequence[Requirement], tolerance: float
+) -> dict[str, Verdict]:
+    """Verdict on every requirement; raises `BrokenLaw` where one is broken by over `tolerance`, `InputError` if misspelt."""
     verdicts = {}
-    for law in laws:
-        worst, fault, first, allowed = 0.0, "", None, max(tolerance, law.allowed)
-        for case in law.cases:
+    for requirement in requirements:
+        law, meaning = requirement.name, requirement.meaning
+        worst, fault, first, allowed = 0.0, "", None, max(tolerance, requirement.allowed)
+        for case in requirement.cases:
             try:
                 with blamed_on(name), np.errstate(invalid="ignore"):
-                    amount, how = float(law.amount(part, case)), ""
+                    amount, how = float(requirement.amount(part, case)), ""
             except InputError as error:
                 if error.misspelt:
                     raise
                 amount, how = math.inf, str(error)
             worst = max(worst, amount if amount == amount else math.inf)
             if not fault and not amount <= allowed:
-                how = how or f"by {amount:.2g}; allowed {allowed:.2g}{_about(part, case, amount)}"
-                fault = f"{name} breaks the law {law.name!r} ({law.meaning}) {how}; counterexample: {case!r}"
+                remark = describe_answer(part, case, amount)
+                how = how or f"by {amount:.2g}; allowed {allowed:.2g}{remark}"
+                fault = f"{name} breaks the law {law!r} ({meaning}) {how}; counterexample: {case!r}"
                 first = case
-        one = verdicts[law.name] = Verdict(worst)
-        one.law, one.allowed, one.fault, one.case = law.name, allowed, fault, first
-    if any(one.fault for one in verdicts.values()):
+        verdicts[law] = verdict = Verdict(worst)
+        verdict.requirement, verdict.allowed = law, allowed
+        verdict.fault, verdict.case = fault, first
+    if any(verdict.fault for verdict in verdicts.values()):
         raise BrokenLaw(verdicts)
     return verdicts
 
 
-def _about(rule: Any, problem: Any, amount: float) -> str:
-    """Of a rule that breaks a law by this amount: its status, its distance from the optimum, the cause if that is small."""
+def describe_answer(rule: Any, problem: Any, amount: float) -> str:
+    """Of a rule that breaks a requirement by `amount`: its status, distance from the optimum, the cause if that is small."""
     if not isinstance(rule, Rule):
         return ""
-    apart = _apart(problem, (answer := rule(problem)).limit, exact_limits(problem)[0])
-    exact = f"; it lies {apart:.2g} of the plan from the exact level" * (rule.promise == "exact")
-    cause = "; a solver's tolerance is the likely cause: tighten it, or allow more (--tolerance)"
-    return f"; its status: {answer.status}{exact}{cause * (amount < 1e-2)}"
+    answer = rule(problem)
+    distance = largest_distance(problem, answer.limit, exact_limits(problem)[0])
+    text = f"; its status: {answer.status}"
+    if rule.promise == "exact":
+        text += f"; it lies {distance:.2g} of the plan from the exact level"
+    if amount < 1e-2:
+        text += (
+            "; a solver's tolerance is the likely cause: tighten it, or allow more (--tolerance)"
+        )
+    return text
 
 
 # Problems
@@ -108,121 +147,143 @@ def problems(kind: str, count: int) -> Iterator[AllocationProblem]:
     for k in range(count):
         n = 1 + LARGEST * k // count
 
-        def each(low: int, high: int, n: int = n) -> Any:
+        def steps(low: int, high: int, n: int = n) -> Any:
             return draw.integers(low, high, n, endpoint=True).astype(float)
 
-        cap, plan = GRID * each(*SPANS[draw.integers(len(SPANS))]), GRID * PLAN
+        cap, plan = GRID * steps(*SPANS[draw.integers(len(SPANS))]), GRID * PLAN
         if kind in ("plain", "growing"):
             yield AllocationProblem(np.sort(cap) if kind == "growing" else cap, plan)
             continue
-        given: dict[str, Any] = {
-            "mass": 10.0 ** (each(0, 3000) / 1000.0),
-            "limit_max": np.where(each(0, 1) > 0, math.inf, GRID * each(0, 2 * PLAN)),
-            "previous": GRID * each(0, 2 * PLAN),
-            "delivered": GRID * each(0, 2 * PLAN),
+        fields: dict[str, Any] = {
+            "mass": 10.0 ** (steps(0, 3000) / 1000.0),
+            "limit_max": np.where(steps(0, 1) > 0, math.inf, GRID * steps(0, 2 * PLAN)),
+            "previous": GRID * steps(0, 2 * PLAN),
+            "delivered": GRID * steps(0, 2 * PLAN),
         }
-        chosen = {key: one for key, one in given.items() if draw.random() < 0.5}
+        chosen = {key: array for key, array in fields.items() if draw.random() < 0.5}
         if kind == "rated":
             chosen["rate"] = GRID * int(draw.integers(PLAN))
-        made = AllocationProblem(cap, plan, **chosen)
-        if kind == "rated" or abs(made.surplus) > 1e-5:
-            yield made
+        problem = AllocationProblem(cap, plan, **chosen)
+        if kind == "rated" or abs(problem.surplus) > 1e-5:
+            yield problem
 
 
-def _apart(problem: AllocationProblem, one: Any, other: Any) -> float:
-    """Largest distance, where equal infinities are none."""
+def largest_distance(problem: AllocationProblem, limit: Any, reference: Any) -> float:
+    """Between limits, over the plan; equal infinities are at no distance."""
     with np.errstate(invalid="ignore"):
-        far = np.where(np.equal(one, other), 0.0, np.abs(np.subtract(one, other)))
+        distance = np.abs(np.subtract(limit, reference))
+    far = np.where(np.equal(limit, reference), 0.0, distance)
     return float(np.max(far, initial=0.0)) / problem.expected
 
 
-def _answer(rule: Rule, problem: AllocationProblem) -> float:
-    found = rule(problem)
-    if found.failed:
+RULE_REQUIREMENTS: list[Requirement] = []
+of_rules = partial(require, RULE_REQUIREMENTS)
+AIMS = ("exact", "effort")
+
+
+@of_rules(
+    "optimal",
+    "the distance from the exact level, and the conditions of optimality",
+    kind="rated",
+    promises=("exact",),
+)
+def _optimum_error(rule: Rule, problem: AllocationProblem) -> float:
+    answer = rule(problem)
+    distance = largest_distance(problem, answer.limit, exact_limits(problem)[0])
+    # an answer is at its bounds as nearly as it is at the optimum
+    residuals = optimality(problem, answer, max(1e-6, 1.1 * distance))
+    return max(distance, residuals.worst / problem.expected)
+
+
+@of_rules("answer", "one limit per unit, none beyond its torque limit; what they lack; no failure")
+def _answer_error(rule: Rule, problem: AllocationProblem) -> float:
+    answer = rule(problem)
+    if answer.failed:
         return math.inf
-    short = max(problem.expected - found.effort(problem), 0.0)
-    beyond = _apart(problem, found.limit, np.minimum(found.limit, problem.limit_max))
-    return max(beyond, abs(found.unmet - short) / problem.expected)
+    short = max(problem.expected - answer.effort(problem), 0.0)
+    within = np.minimum(answer.limit, problem.limit_max)
+    beyond = largest_distance(problem, answer.limit, within)
+    return max(beyond, abs(answer.unmet - short) / problem.expected)
 
 
-def _case(rule: Rule, problem: AllocationProblem) -> float:
+@of_rules(
+    "case",
+    "a case that it sets is A (1) where caps do not allow more than the plan, else B (2)",
+    kind="plain",
+)
+def _case_error(rule: Rule, problem: AllocationProblem) -> float:
     units, run = rows_of(problem)
     rule.share(units, run)
     return float(run.case not in (0, 2 if problem.surplus > ROUNDING else 1))
 
 
-def _repeatable(rule: Rule, problem: AllocationProblem) -> float:
+@of_rules("repeatable", "one problem has one answer, whatever is asked between")
+def _repetition_error(rule: Rule, problem: AllocationProblem) -> float:
     first = rule(problem).limit.copy()
     rule(problem.changed(cap=problem.cap[::-1] * 0.75, mass=problem.mass[::-1] * 2.0))
-    return _apart(problem, first, rule(problem).limit)
+    return largest_distance(problem, first, rule(problem).limit)
 
 
-def _rows(rule: Rule, problem: AllocationProblem) -> float:
-    found, worst = rule(problem), 0.0
+@of_rules("rows", "its sharing on rows, compiled and plain, answers as the rule does")
+def _row_error(rule: Rule, problem: AllocationProblem) -> float:
+    answer, worst = rule(problem), 0.0
     for share in {rule.share, getattr(rule.share, "py_func", rule.share)}:
         units, run = rows_of(problem)
         share(units, run)
-        same = run.case == 0 or CASES[run.case] == found.case
-        worst = max(worst, _apart(problem, units.wanted, found.limit) if same else math.inf)
+        if run.case != 0 and CASES[run.case] != answer.case:
+            return math.inf
+        worst = max(worst, largest_distance(problem, units.wanted, answer.limit))
     return worst
 
 
-def _scaled(rule: Rule, problem: AllocationProblem) -> float:
+@of_rules("scale", "twice the coefficients, twice the limits; only ratios of masses count")
+def _scale_error(rule: Rule, problem: AllocationProblem) -> float:
     double = {key: 2.0 * np.asarray(x) for key, x in problem.given.items() if key != "mass"}
-    other = rule(problem.changed(**double, mass=1024.0 * problem.mass))
-    return _apart(problem, 2.0 * rule(problem).limit, other.limit)
+    scaled = rule(problem.changed(**double, mass=1024.0 * problem.mass)).limit
+    return largest_distance(problem, 2.0 * rule(problem).limit, scaled)
 
 
-def _order(rule: Rule, problem: AllocationProblem) -> float:
+@of_rules("order", "units in another order have their own limits", promises=AIMS)
+def _order_error(rule: Rule, problem: AllocationProblem) -> float:
     arrays = {key: np.asarray(x) for key, x in problem.given.items() if np.ndim(x)}
     turned = {key: np.roll(x[::-1], 1) for key, x in arrays.items()}
-    other = rule(problem.changed(**turned)).limit
-    return _apart(problem, np.roll(rule(problem).limit[::-1], 1), other)
+    limit = rule(problem.changed(**turned)).limit
+    return largest_distance(problem, np.roll(rule(problem).limit[::-1], 1), limit)
 
 
-def _effort(rule: Rule, problem: AllocationProblem) -> float:
+@of_rules("effort", "up to their caps limits give the plan, or what bounds allow", promises=AIMS)
+def _effort_error(rule: Rule, problem: AllocationProblem) -> float:
     return abs(rule(problem).usable(problem) - problem.attainable) / problem.expected
 
 
-def _reference(rule: Rule, problem: AllocationProblem) -> float:
-    found = rule(problem)
+@of_rules(
+    "reference",
+    "within caps, no less than they allow, no more than the patent's rule",
+    kind="growing",
+    promises=("exact", "reference"),
+)
+def _reference_error(rule: Rule, problem: AllocationProblem) -> float:
+    answer = rule(problem)
     most = float(np.mean(reference_rule(list(problem.cap), problem.expected)))
-    outside = max(problem.attainable - found.effort(problem), found.effort(problem) - most)
-    return max(outside, float(np.max(found.limit - problem.cap)), 0.0) / problem.expected
-
-
-def _optimal(rule: Rule, problem: AllocationProblem) -> float:
-    found = rule(problem)
-    apart = _apart(problem, found.limit, exact_limits(problem)[0])
-    # an answer is at its bounds as nearly as it is at the optimum
-    return max(apart, optimality(problem, found, max(1e-6, 1.1 * apart)).worst / problem.expected)
-
-
-AIMS = ("exact", "effort")
-LAWS = (
-    Law("optimal", "the distance from the exact level, and the conditions of optimality", _optimal, kind="rated",
-        promises=("exact",)),
-    Law("answer", "one limit per unit, none beyond its torque limit; what they lack; no failure", _answer),
-    Law("case", "a case that it sets is A (1) where caps do not allow more than the plan, else B (2)", _case, kind="plain"),
-    Law("repeatable", "one problem has one answer, whatever is asked between", _repeatable),
-    Law("rows", "its sharing on rows, compiled and plain, answers as the rule does", _rows),
-    Law("scale", "twice the coefficients, twice the limits; only ratios of masses count", _scaled),
-    Law("order", "units in another order have their own limits", _order, promises=AIMS),
-    Law("effort", "up to their caps limits give the plan, or what bounds allow", _effort, promises=AIMS),
-    Law("reference", "within caps, no less than they allow, no more than the patent's rule", _reference,
-        kind="growing", promises=("exact", "reference")),
-)  # fmt: skip
+    effort, beyond = answer.effort(problem), float(np.max(answer.limit - problem.cap))
+    return max(problem.attainable - effort, effort - most, beyond, 0.0) / problem.expected
 
 
 def check_rule(
-    rule: Rule | Callable[[AllocationProblem], Any], tolerance: float = 1e-6, examples: int = 100
+    rule: str | Rule | Callable[[AllocationProblem], Any],
+    tolerance: float = 1e-6,
+    examples: int = 100,
 ) -> dict[str, Verdict]:
-    """Worst amount of every law that `rule` promises; raises `BrokenLaw` where one is broken by over `tolerance`.
+    """Worst amount of every requirement that `rule` promises; raises `BrokenLaw` where one is broken by over `tolerance`.
 
-    `rule`: a `Rule`, or an answer to a problem. `examples`: random problems per law.
+    `rule`: a `Rule`, its name, or an answer to a problem. `examples`: random problems per requirement.
     """
-    if not isinstance(rule, Rule):
-        rule = Rule(getattr(rule, "__name__", "own rule"), "", answer=rule)
-    kept = [one for one in LAWS if rule.promise in one.promises]
-    laws = [one._replace(cases=list(problems(one.kind, examples))) for one in kept]
-    return check(rule, rule.name, laws, tolerance)
+    part = find_part(RULES, rule)
+    if not isinstance(part, Rule):
+        part = Rule(getattr(part, "__name__", "own rule"), "", answer=part)
+    requirements = [
+        requirement._replace(cases=list(problems(requirement.kind, examples)))
+        for requirement in RULE_REQUIREMENTS
+        if part.promise in requirement.promises
+    ]
+    return check_requirements(part, part.name, requirements, tolerance)
