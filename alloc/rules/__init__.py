@@ -14,15 +14,22 @@ from alloc.rules.reference import reference_rule
 from alloc.rules.rule import PROMISES, RULES, Rule
 
 __all__ = [
-    "PROMISES", "RULES", "Allocation", "AllocationProblem", "Rule", "allocated", "convex_rule", "exact_limits", "optimality",
-    "reference_rule", "robust_rule",
-]  # fmt: skip
+    "PROMISES",
+    "RULES",
+    "Allocation",
+    "AllocationProblem",
+    "Rule",
+    "allocated",
+    "convex_rule",
+    "exact_limits",
+    "optimality",
+    "reference_rule",
+    "robust_rule",
+]
 
-for _rule in (
-    ALONE, UNIFORM, PRESET, SHARING, ERP,  # what a method must beat
-    GREEDY, GREEDY_PRINTED, GREEDY_LITERAL, GREEDY_TUNED, GREEDY_CLAIM,  # the patent's
-    EXACT, QP, QP_CVXPY, QP_ROBUST,  # the best answer to the same problem
-    COOPERATIVE, WEAR, WEAR_QP,  # from what units report
-    ORACLE,  # knows the rail
-):  # fmt: skip
+_BASELINES = ALONE, UNIFORM, PRESET, SHARING, ERP
+_PATENT = GREEDY, GREEDY_PRINTED, GREEDY_LITERAL, GREEDY_TUNED, GREEDY_CLAIM
+_BEST = EXACT, QP, QP_CVXPY, QP_ROBUST  # the best answer to the same problem
+_BY_REPORTS = COOPERATIVE, WEAR, WEAR_QP
+for _rule in (*_BASELINES, *_PATENT, *_BEST, *_BY_REPORTS, ORACLE):
     RULES.register(_rule.name, _rule)

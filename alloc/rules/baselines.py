@@ -11,7 +11,7 @@ from alloc.rules.rule import Rule
 
 
 @jit
-def in_force(u, run):
+def limit_in_force(u, run):
     """The unit's limit in force; the plan where it has none."""
     return u.wanted if u.wanted < np.inf else run.needed
 
@@ -35,9 +35,13 @@ def share_alone(units, run):
 
 
 ALONE = Rule(
-    "alone", "every unit keeps the plan and looks after its own slip", share_alone, "front",
-    colour="#7f7f7f", marker="o",
-)  # fmt: skip
+    "alone",
+    "every unit keeps the plan and looks after its own slip",
+    share_alone,
+    "front",
+    colour="#7f7f7f",
+    marker="o",
+)
 
 MOST = 1.3
 """Bound of `uniform` over the plan; without one its sum winds up to eight times the plan where the rail carries no more."""
@@ -54,7 +58,7 @@ def share_uniform(units, run):
     for u in units:
         lacking += u.mass_share * (run.needed - u.reported)
         total += u.mass_share
-        before = max(before, in_force(u, run))
+        before = max(before, limit_in_force(u, run))
     level = min(max(before + GAIN * lacking / total, run.needed), MOST * run.plan)
     for u in units:
         u.wanted = min(level, u.most)
@@ -62,9 +66,13 @@ def share_uniform(units, run):
 
 
 UNIFORM = Rule(
-    "uniform", "all asked for the same, more while the train lacks effort: sharing without knowing who can", share_uniform,
-    "delivered", colour="#9bacd0", marker="+",
-)  # fmt: skip
+    "uniform",
+    "all asked for the same, more while the train lacks effort: sharing without knowing who can",
+    share_uniform,
+    "delivered",
+    colour="#9bacd0",
+    marker="+",
+)
 
 MOVED = 0.1
 """Part of the plan that the pattern moves between the train's ends; its source names none. The best of 0.03 to 0.25 for the
@@ -90,9 +98,13 @@ def share_preset(units, run):
 
 
 PRESET = Rule(
-    "preset", "a fixed part of the front's effort moved to the rear (JP H05-276606)", share_preset, "delivered always",
-    colour="#553900", marker="v",
-)  # fmt: skip
+    "preset",
+    "a fixed part of the front's effort moved to the rear (JP H05-276606)",
+    share_preset,
+    "delivered always",
+    colour="#553900",
+    marker="v",
+)
 
 HANDED = 0.15
 """Share of the shortfall that `sharing` hands on per telegram; its source names none. With `OVERLOOKED` the best of
@@ -112,22 +124,27 @@ def share_sharing(units, run):
     run.case = case_of(units, run)
     lacking, able = 0.0, 0.0
     for u in units:
-        got = max(u.reported, 0.0)
-        lacking += u.mass_share * (run.needed - got)
-        able += u.mass_share if in_force(u, run) - got <= OVERLOOKED * run.needed else 0.0
-    handed = HANDED * lacking / able if able > 0.0 else 0.0
+        effort = max(u.reported, 0.0)
+        lacking += u.mass_share * (run.needed - effort)
+        if limit_in_force(u, run) - effort <= OVERLOOKED * run.needed:
+            able += u.mass_share
+    step = HANDED * lacking / able if able > 0.0 else 0.0
     for u in units:
-        before = in_force(u, run)
+        before = limit_in_force(u, run)
         over = max(before - max(u.reported, 0.0), 0.0)
-        limit = before - HANDED * over + (handed if over <= OVERLOOKED * run.needed else 0.0)
+        limit = before - HANDED * over + (step if over <= OVERLOOKED * run.needed else 0.0)
         u.wanted = min(max(limit, 0.0), u.most)
     return np.nan
 
 
 SHARING = Rule(
-    "sharing", "each unit's shortfall handed to the others step by step (JP 4225233)", share_sharing, "front",
-    colour="#e69f00", marker="^",
-)  # fmt: skip
+    "sharing",
+    "each unit's shortfall handed to the others step by step (JP 4225233)",
+    share_sharing,
+    "front",
+    colour="#e69f00",
+    marker="^",
+)
 
 MOST_CAP = 1e3
 """Cap over the plan beyond which `erp` takes units for alike, so that a cap may be infinite."""
@@ -160,6 +177,10 @@ def share_erp(units, run):
 
 
 ERP = Rule(
-    "erp", "redistributed pseudo-inverse of control allocation: least used shares of the caps, the textbook's way",
-    share_erp, promise="effort", colour="#95583f", marker="1",
-)  # fmt: skip
+    "erp",
+    "redistributed pseudo-inverse of control allocation: least used shares of the caps, the textbook's way",
+    share_erp,
+    promise="effort",
+    colour="#95583f",
+    marker="1",
+)

@@ -238,14 +238,14 @@ def _row_error(rule: Rule, problem: AllocationProblem) -> float:
 
 @of_rules("scale", "twice the coefficients, twice the limits; only ratios of masses count")
 def _scale_error(rule: Rule, problem: AllocationProblem) -> float:
-    double = {key: 2.0 * np.asarray(x) for key, x in problem.given.items() if key != "mass"}
+    double = {key: 2.0 * np.asarray(x) for key, x in problem.fields.items() if key != "mass"}
     scaled = rule(problem.changed(**double, mass=1024.0 * problem.mass)).limit
     return largest_distance(problem, 2.0 * rule(problem).limit, scaled)
 
 
 @of_rules("order", "units in another order have their own limits", promises=AIMS)
 def _order_error(rule: Rule, problem: AllocationProblem) -> float:
-    arrays = {key: np.asarray(x) for key, x in problem.given.items() if np.ndim(x)}
+    arrays = {key: np.asarray(x) for key, x in problem.fields.items() if np.ndim(x)}
     turned = {key: np.roll(x[::-1], 1) for key, x in arrays.items()}
     limit = rule(problem.changed(**turned)).limit
     return largest_distance(problem, np.roll(rule(problem).limit[::-1], 1), limit)

@@ -23,7 +23,7 @@ from alloc.onboard.beliefs import ROOM
 from alloc.rules.cooperative import WEAR
 from alloc.rules.exact import exact_limits, level_between
 from alloc.rules.problem import ROUNDING, Allocation, AllocationProblem, Floats, allocated
-from alloc.rules.qp import TOLERANCE, judged, leaves_no_choice
+from alloc.rules.qp import TOLERANCE, judge_answer, status_without_solver
 from alloc.rules.rule import Rule
 from alloc.schema.errors import AllocationError
 
@@ -33,15 +33,21 @@ Best = Callable[[AllocationProblem], tuple[Floats, float]]
 """Certified answer to a problem, limits and level, nan for none."""
 
 SOLVER: dict[str, Any] = {
-    "solver": "CLARABEL", "tol_gap_abs": 1e-15, "tol_gap_rel": 1e-15, "tol_feas": 1e-14, "max_iter": 200,
+    "solver": "CLARABEL",
+    "tol_gap_abs": 1e-15,
+    "tol_gap_rel": 1e-15,
+    "tol_feas": 1e-14,
+    "max_iter": 200,
     "static_regularization_enable": False,
-    "reduced_tol_gap_abs": 1e-6, "reduced_tol_gap_rel": 1e-6, "reduced_tol_feas": 1e-8,
-}  # fmt: skip
+    "reduced_tol_gap_abs": 1e-6,
+    "reduced_tol_gap_rel": 1e-6,
+    "reduced_tol_feas": 1e-8,
+}
 """An interior-point method: it differs from that of `qp`, so the two check each other. At 1e-12 masses of 1000:1
 leave light units up to 8e-6 of the plan from the optimum, at 1e-15 up to 4e-7. Regularised, it fails on 2 % of random
 problems of `wear-qp`, else on 1 of 10 000. What misses these tolerances and meets the reduced ones is called inaccurate."""
 ROOM_LEFT = 1e-9
-"""What own constraints keep of the most effort, relative to it: an interior-point method needs an interior."""
+"""What constraints of a user keep of the most effort, relative to it: an interior-point method needs an interior."""
 LARGE = 1e4
 """What stands for infinite, over the plan."""
 ONE_AT_A_TIME = threading.Lock()
@@ -49,13 +55,23 @@ ONE_AT_A_TIME = threading.Lock()
 
 
 ARRAYS = (
-    "cap", "mass", "limit_max", "previous", "delivered", "truth", "deviation", "mark", "wear", "lower", "upper",
-)  # fmt: skip
+    "cap",
+    "mass",
+    "limit_max",
+    "previous",
+    "delivered",
+    "truth",
+    "deviation",
+    "mark",
+    "wear",
+    "lower",
+    "upper",
+)
 """Fields of `AllocationProblem` that a term may use as p.NAME, beside p.plan and p.expected. Coefficients are over
 `expected`, so that p.expected is 1 and weights do not depend on the plan; masses are over their mean."""
 
 
-def _stated(kind: str, term: Term, x: Any, p: Any) -> Any:
+def _build_term(kind: str, term: Term, x: Any, p: Any) -> Any:
     try:
         return term(x, p)
     except Exception as error:
@@ -74,7 +90,7 @@ class Formulation:
         p = SimpleNamespace(expected=1.0, plan=cp.Parameter(nonneg=True), **arrays)
         self.p, self.x, self.effort = p, cp.Variable(n), cp.Parameter(nonneg=True)
         x, effort = self.x, p.mass @ self.x / n
-        goal = _stated("objective", objective, x, p)
+        goal = _build_term("objective", objective, x, p)
         if (
             not isinstance(goal, cp.Expression)
             or not goal.is_scalar()
@@ -82,7 +98,7 @@ class Formulation:
         ):
             expected = "a scalar expression of cvxpy in x, as cp.sum_squares(x - p.plan)"
             raise AllocationError(f"objective returned {goal!r:.80}; return {expected}")
-        terms = [_stated("constraint", term, x, p) for term in constraints]
+        terms = [_build_term("constraint", term, x, p) for term in constraints]
         if wrong := [term for term in terms if not isinstance(term, cp.Constraint)]:
             raise AllocationError(
                 f"constraint returned {wrong[0]!r:.80}; return one of cvxpy, as x <= p.cap"
@@ -104,10 +120,10 @@ class Formulation:
         # no unit of a solution carries more than the whole train needs
         carries_all = problem.expected * problem.mass.sum() / problem.mass
         upper = np.maximum(np.minimum(problem.upper, carries_all), bounds.lower)
-        mass, own = problem.mass.mean(), {"lower": bounds.lower, "upper": upper}
+        mass, narrowed = problem.mass.mean(), {"lower": bounds.lower, "upper": upper}
         scale = {"mass": mass, "wear": mass / problem.expected}
         for name in ("plan", *ARRAYS):
-            value = own.get(name, getattr(problem, name)) / scale.get(name, problem.expected)
+            value = narrowed.get(name, getattr(problem, name)) / scale.get(name, problem.expected)
             getattr(self.p, name).value = np.minimum(value, LARGE)
         self.effort.value = bounds.attainable / problem.expected
         try:
@@ -121,8 +137,8 @@ class Formulation:
         except cp.SolverError as error:
             return np.full(problem.n, np.nan), " ".join(str(error).split())[:80]
         fine = self.best.status in ("optimal", "optimal_inaccurate")
-        found = self.x.value if fine else np.full(problem.n, np.nan)
-        return np.asarray(found) * problem.expected, "ok" if fine else str(self.best.status)
+        solution = self.x.value if fine else np.full(problem.n, np.nan)
+        return np.asarray(solution) * problem.expected, "ok" if fine else str(self.best.status)
 
 
 def convex_answer(
@@ -136,23 +152,23 @@ def convex_answer(
     `best`: the certified answer, where there is one. `certain`: the problem whose bounds alone say the same as all
     constraints.
     """
-    built = lru_cache(maxsize=64)(lambda n: Formulation(n, objective, constraints))
+    formulation = lru_cache(maxsize=64)(lambda n: Formulation(n, objective, constraints))
 
     def answer(problem: AllocationProblem) -> Allocation:
         bounds = problem if certain is None else certain(problem)
         stand_in = (best or exact_limits)(bounds)
         bounded = not constraints or certain is not None
-        if bounded and (reason := leaves_no_choice(bounds)):
+        if bounded and (reason := status_without_solver(bounds)):
             return allocated(bounds, *stand_in, status=reason)
         with ONE_AT_A_TIME:
-            found, said = built(problem.n).solve(problem, bounds, bounded)
+            limit, status = formulation(problem.n).solve(problem, bounds, bounded)
         if best is not None:
-            return judged(bounds, found, said, stand_in)
-        within = np.clip(found, problem.lower, problem.upper)  # all that is known of the optimum
-        if said == "ok" and np.max(np.abs(found - within)) <= TOLERANCE * problem.expected:
+            return judge_answer(bounds, limit, status, stand_in)
+        within = np.clip(limit, problem.lower, problem.upper)  # all that is known of the optimum
+        if status == "ok" and np.max(np.abs(limit - within)) <= TOLERANCE * problem.expected:
             return allocated(problem, within)
-        said = "outside of its bounds" if said == "ok" else said
-        return judged(problem, found, said, stand_in)
+        status = "outside of its bounds" if status == "ok" else status
+        return judge_answer(problem, limit, status, stand_in)
 
     return answer
 
@@ -165,22 +181,26 @@ def convex_rule(
     `p`: see `ARRAYS`; `x` is over `expected` too. `fields`: those of `Rule`, as belief, description. The first
     call raises `AllocationError` for what is not convex.
     """
-    given: dict[str, Any] = {
-        "description": f"least {name}",
-        "answer": convex_answer(objective, constraints),
-    }
-    return Rule(name, **(given | fields))
+    fields = {"description": f"least {name}"} | fields
+    if "answer" not in fields:
+        fields["answer"] = convex_answer(objective, constraints)
+    return Rule(name, **fields)
 
 
-def from_the_plan(x: Any, p: Any) -> Any:
+def deviation_from_plan(x: Any, p: Any) -> Any:
     """Deviation from the plan, weighted with mass."""
     return p.mass @ (x - p.expected) ** 2
 
 
 QP_CVXPY = convex_rule(
-    "qp-cvxpy", from_the_plan, answer=convex_answer(from_the_plan, best=exact_limits), promise="exact",
-    description="the same program stated in cvxpy: readable reference, slow", colour="#1c00ff", marker="<",
-)  # fmt: skip
+    "qp-cvxpy",
+    deviation_from_plan,
+    answer=convex_answer(deviation_from_plan, best=exact_limits),
+    promise="exact",
+    description="the same program stated in cvxpy: readable reference, slow",
+    colour="#1c00ff",
+    marker="<",
+)
 
 
 PROBABILITY = 0.9
@@ -205,16 +225,22 @@ def robust_rule(probability: float = PROBABILITY) -> Rule:
     def certain(problem: AllocationProblem) -> AllocationProblem:
         return problem.changed(cap=np.maximum(problem.cap - quantile * problem.deviation, 0.0))
 
-    solve = convex_answer(from_the_plan, [carried], exact_limits, certain)
+    solve = convex_answer(deviation_from_plan, [carried], exact_limits, certain)
 
     def answer(problem: AllocationProblem) -> Allocation:
         most = np.minimum(problem.deviation, problem.cap / max(quantile, 1e-9))
         return solve(problem.changed(deviation=most))
 
     return convex_rule(
-        "qp-robust", from_the_plan, [carried], answer=answer, promise="exact", colour="#00c68e", marker=">",
+        "qp-robust",
+        deviation_from_plan,
+        [carried],
+        answer=answer,
+        promise="exact",
+        colour="#00c68e",
+        marker=">",
         description=f"qp with caps that hold with a probability of {probability:g}, as cones",
-    )  # fmt: skip
+    )
 
 
 QP_ROBUST = robust_rule()
@@ -225,7 +251,7 @@ def least_wear(x: Any, p: Any) -> Any:
     return p.wear @ x**2
 
 
-def filled(problem: AllocationProblem) -> tuple[Floats, float]:
+def limits_of_least_wear(problem: AllocationProblem) -> tuple[Floats, float]:
     """The optimum of `least_wear`, (n,): the program of `exact` in shares of the marks."""
     mark = problem.mass / problem.wear
     needed = problem.expected * float(problem.mass.sum() / (problem.mass * mark).sum())
@@ -234,20 +260,26 @@ def filled(problem: AllocationProblem) -> tuple[Floats, float]:
     return mark * np.clip(share, lower, upper), math.nan
 
 
-_solve_wear = convex_answer(least_wear, best=filled)
+_solve_wear = convex_answer(least_wear, best=limits_of_least_wear)
 
 
 def answer_wear(problem: AllocationProblem) -> Allocation:
     """Limits of least wear; units at their bounds are left to search, as `wear` leaves them."""
-    found = _solve_wear(problem)
+    answer = _solve_wear(problem)
     room = np.where(problem.searching > 0.0, ROOM, 1.0) * problem.mark
     # of bounds below its tolerance the solver cannot tell
-    at_bound = filled(problem)[0] >= problem.upper * (1.0 - ROUNDING)
-    limit = np.where(at_bound, np.maximum(room, problem.plan), found.limit)
-    return allocated(problem, limit, case=found.case, status=found.status, gap=found.gap)
+    at_bound = limits_of_least_wear(problem)[0] >= problem.upper * (1.0 - ROUNDING)
+    limit = np.where(at_bound, np.maximum(room, problem.plan), answer.limit)
+    return allocated(problem, limit, case=answer.case, status=answer.status, gap=answer.gap)
 
 
 WEAR_QP = convex_rule(
-    "wear-qp", least_wear, answer=answer_wear, belief=WEAR.belief, promise="effort",
-    description="wear as a quadratic program, stated in cvxpy", colour="#b87557", marker="$Q$",
-)  # fmt: skip
+    "wear-qp",
+    least_wear,
+    answer=answer_wear,
+    belief=WEAR.belief,
+    promise="effort",
+    description="wear as a quadratic program, stated in cvxpy",
+    colour="#b87557",
+    marker="$Q$",
+)

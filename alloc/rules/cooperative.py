@@ -18,7 +18,7 @@ from alloc.rules.rule import Rule
 
 
 @jit
-def undisturbed(u, run):
+def limit_to_search(u, run):
     """What a unit is asked for that does what it can: room to search, and the plan at least."""
     room = ROOM * u.mark if u.searching != 0 else u.mark
     return min(max(room, run.plan), u.most)
@@ -32,16 +32,21 @@ def share_cooperative(units, run):
         upper[j], mass[j] = min(units[j].cap, units[j].most), units[j].mass_share
     level, run.case = level_between(lower, upper, mass, run.needed)
     for u in units:
-        asked = undisturbed(u, run)
+        limit = limit_to_search(u, run)
         # out of reach every unit does what it can
-        u.wanted = min(asked, max(level, run.plan)) if run.case == 2 else asked
+        u.wanted = min(limit, max(level, run.plan)) if run.case == 2 else limit
     return level
 
 
 COOPERATIVE = Rule(
-    "cooperative", "limited units keep what they find, the others make up for it", share_cooperative, "delivered",
-    promise="effort", colour="#8e0055", marker="p",
-)  # fmt: skip
+    "cooperative",
+    "limited units keep what they find, the others make up for it",
+    share_cooperative,
+    "delivered",
+    promise="effort",
+    colour="#8e0055",
+    marker="p",
+)
 
 
 @share
@@ -77,11 +82,16 @@ def share_wear(units, run):
         limit = max(min(u.mark, best), LEAST_MARK) * share
         # one at its bound has nothing to share, nor has any where the plan is out of reach
         at_bound = run.case == 1 or limit >= min(u.cap, u.most)
-        u.wanted = undisturbed(u, run) if at_bound else limit
+        u.wanted = limit_to_search(u, run) if at_bound else limit
     return np.nan
 
 
 WEAR = Rule(
-    "wear", "the plan at the least wear: each unit the same share of what it has shown to carry", share_wear,
-    "delivered always", promise="effort", colour="#1b2c28", marker="$W$",
-)  # fmt: skip
+    "wear",
+    "the plan at the least wear: each unit the same share of what it has shown to carry",
+    share_wear,
+    "delivered always",
+    promise="effort",
+    colour="#1b2c28",
+    marker="$W$",
+)

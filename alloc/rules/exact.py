@@ -97,11 +97,20 @@ def exact_limits(problem: AllocationProblem) -> tuple[Floats, float]:
 
 
 EXACT = Rule(
-    "exact", "the exact level of JP5484215 par. 0050, weighted with mass", share_exact,
-    promise="exact", colour="#0072b2", marker="P",
-)  # fmt: skip
+    "exact",
+    "the exact level of JP5484215 par. 0050, weighted with mass",
+    share_exact,
+    promise="exact",
+    colour="#0072b2",
+    marker="P",
+)
 
 ORACLE = Rule(
-    "oracle", "the exact level on the true coefficients: what could be had at best", share_oracle, "known",
-    promise="effort", colour="#000000", marker="*",
-)  # fmt: skip
+    "oracle",
+    "the exact level on the true coefficients: what could be had at best",
+    share_oracle,
+    "known",
+    promise="effort",
+    colour="#000000",
+    marker="*",
+)

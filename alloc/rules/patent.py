@@ -51,14 +51,22 @@ def share_greedy_claim(units, run):
 
 
 GREEDY = Rule(
-    "greedy", "the reference: rear caps bound at the next unit's cap (JP5484215 par. 0041, 0049)", share_greedy,
-    promise="reference", colour="#d55e00", marker="s",
-)  # fmt: skip
+    "greedy",
+    "the reference: rear caps bound at the next unit's cap (JP5484215 par. 0041, 0049)",
+    share_greedy,
+    promise="reference",
+    colour="#d55e00",
+    marker="s",
+)
 
 GREEDY_LITERAL = replace(
-    GREEDY, name="greedy-literal", belief="front detected", colour="#551c8e", marker="d",
+    GREEDY,
+    name="greedy-literal",
+    belief="front detected",
+    colour="#551c8e",
+    marker="d",
     description="greedy by the steps of JP5484215: at the foremost unit's slip, held, lifted at once; corrected equations",
-)  # fmt: skip
+)
 """The steps of Fig. 7 to 9 as the patent has them, on equipment that deviates from the text in `PRINTED`."""
 
 PRINTED = {
@@ -71,9 +79,13 @@ PRINTED = {
 (6) is without the wheelsets' inertia, and so is (18); (18) and par. 0071 have the command of the air brake for its force."""
 
 GREEDY_PRINTED = replace(
-    GREEDY_LITERAL, name="greedy-printed", settings=PRINTED, colour="#000040", marker="8",
+    GREEDY_LITERAL,
+    name="greedy-printed",
+    settings=PRINTED,
+    colour="#000040",
+    marker="8",
     description="greedy with every equation and test of JP5484215 as printed: Fig. 5, (6) and (18) too",
-)  # fmt: skip
+)
 
 TUNED = {"hold_time": 5.0, "detector.pole": 20.0, "detector.speed_on": 0.3}
 """Time for which a detection counts [s], "a certain time" in par. 0036; pole of the detector's differentiator [1/s];
@@ -81,10 +93,20 @@ slip from which a unit counts as slipping [m/s]. Tuned on 80 events (seeds 1000 
 bound."""
 
 GREEDY_TUNED = replace(
-    GREEDY_LITERAL, name="greedy-tuned", belief="any detected", settings=TUNED, colour="#aa71ff", marker="h",
+    GREEDY_LITERAL,
+    name="greedy-tuned",
+    belief="any detected",
+    settings=TUNED,
+    colour="#aa71ff",
+    marker="h",
     description="greedy at its best within the words of JP5484215: all units' slips heard, tuned hold and detector",
-)  # fmt: skip
+)
 GREEDY_CLAIM = replace(
-    GREEDY, name="greedy-claim", share=share_greedy_claim, promise="baseline", colour="#8ec6c6", marker="D",
+    GREEDY,
+    name="greedy-claim",
+    share=share_greedy_claim,
+    promise="baseline",
+    colour="#8ec6c6",
+    marker="D",
     description="the reference as claim 1 of JP5484215 words it: a running sum",
-)  # fmt: skip
+)

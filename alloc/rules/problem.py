@@ -52,41 +52,45 @@ class AllocationProblem:
         mark: ArrayLike | None = None,
         plan: float | None = None,
     ) -> None:
-        given = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
-        self.given: dict[str, Any] = {key: x for key, x in given.items() if x is not None}
-        self.cap = _coefficients("cap", cap, None)
+        fields: dict[str, Any] = {"cap": cap, "expected": expected, "mass": mass}
+        fields |= {"limit_max": limit_max, "previous": previous, "rate": rate}
+        fields |= {"delivered": delivered, "searching": searching, "truth": truth}
+        fields |= {"deviation": deviation, "mark": mark, "plan": plan}
+        self.fields = {name: value for name, value in fields.items() if value is not None}
+        """What was not left out, by its name."""
+        self.cap = check_coefficients("cap", cap, None)
         """What each unit can carry, (5); >= 0, inf where nothing is known."""
         self.n = n = self.cap.size
         """Number of units."""
-        self.expected = _number("expected", expected)
+        self.expected = check_number("expected", expected)
         """Coefficient that the train needs of its units in the mean, the patent's Mu_z; > 0."""
-        self.plan = self.expected if plan is None else _number("plan", plan)
+        self.plan = self.expected if plan is None else check_number("plan", plan)
         """What the driver asks of every unit, where `expected` makes up for trailers too. Else: `expected`."""
-        self.mass = _coefficients("mass", np.ones(n) if mass is None else mass, n)
+        self.mass = check_coefficients("mass", mass, n, np.ones(n))
         """Mass on the axles of each unit, in any unit, > 0. Else: equal."""
-        top = np.full(n, math.inf)
-        self.limit_max = _coefficients("limit_max", top if limit_max is None else limit_max, n)
+        self.limit_max = check_coefficients("limit_max", limit_max, n, np.full(n, math.inf))
         """Torque limit as a coefficient. Else: none."""
-        before = np.full(n, self.expected) if previous is None else previous
-        self.previous = _coefficients("previous", before, n)
+        self.previous = check_coefficients("previous", previous, n, np.full(n, self.expected))
         """Limits in force. Else: `expected`."""
-        self.rate = math.inf if rate is None else _number("rate", rate, zero=True, most=math.inf)
+        self.rate = (
+            math.inf if rate is None else check_number("rate", rate, zero=True, most=math.inf)
+        )
         """Largest change of a limit against `previous`; read by rules that promise the optimum. Else: inf."""
-        got = np.minimum(self.previous, self.cap) if delivered is None else delivered
-        self.delivered = _coefficients("delivered", got, n)
+        carried = np.minimum(self.previous, self.cap)
+        self.delivered = check_coefficients("delivered", delivered, n, carried)
         """What each unit delivers now. Else: what the caps carry of `previous`."""
-        self.searching = _coefficients("searching", np.zeros(n) if searching is None else searching, n)  # fmt: skip
+        self.searching = check_coefficients("searching", searching, n, np.zeros(n))
         """1 for each unit that is limited now. Else: none is."""
-        self.truth = _coefficients("truth", self.cap if truth is None else truth, n)
+        self.truth = check_coefficients("truth", truth, n, self.cap)
         """What the rail truly carries, for `oracle` alone. Else: the caps."""
-        self.deviation = _coefficients("deviation", np.zeros(n) if deviation is None else deviation, n)  # fmt: skip
+        self.deviation = check_coefficients("deviation", deviation, n, np.zeros(n))
         """Standard deviation of each cap about the truth, read by `qp-robust`. Else: 0."""
-        self.mark = _coefficients("mark", self.cap if mark is None else mark, n)
+        self.mark = check_coefficients("mark", mark, n, self.cap)
         """What each unit has shown to carry, read by `cooperative` and `wear`. Else: the caps."""
 
     def changed(self, **values: Any) -> "AllocationProblem":
         """The problem with other values of these fields."""
-        return AllocationProblem(**(self.given | values))
+        return AllocationProblem(**(self.fields | values))
 
     @cached_property
     def upper(self) -> Floats:
@@ -112,17 +116,16 @@ class AllocationProblem:
     @cached_property
     def attainable(self) -> float:
         """The mean limit that the bounds allow, weighted with mass, nearest to `expected`."""
-        least, most = (
-            float(np.average(one, weights=self.mass)) for one in (self.lower, self.upper)
-        )
+        least = float(np.average(self.lower, weights=self.mass))
+        most = float(np.average(self.upper, weights=self.mass))
         return min(max(self.expected, least), most)
 
     def __repr__(self) -> str:
-        words = (f"{key}={np.asarray(value).tolist()}" for key, value in self.given.items())
-        return f"AllocationProblem({', '.join(words)})"
+        fields = (f"{key}={np.asarray(value).tolist()}" for key, value in self.fields.items())
+        return f"AllocationProblem({', '.join(fields)})"
 
 
-def _number(name: str, value: Any, zero: bool = False, most: float = MOST_EXPECTED) -> float:
+def check_number(name: str, value: Any, zero: bool = False, most: float = MOST_EXPECTED) -> float:
     """`value` as a coefficient; raises `AllocationError` where it is none."""
     try:
         number = float(value)
@@ -134,10 +137,12 @@ def _number(name: str, value: Any, zero: bool = False, most: float = MOST_EXPECT
     return number
 
 
-def _coefficients(name: str, values: ArrayLike, n: int | None) -> Floats:
-    """A read-only copy of `values`, (n,); raises `AllocationError` where it is none."""
+def check_coefficients(
+    name: str, values: ArrayLike | None, n: int | None, default: Floats | None = None
+) -> Floats:
+    """A read-only copy of `values`, (n,), or of the default; raises `AllocationError` where it is none."""
     try:
-        array = np.array(values, dtype=float)
+        array = np.array(default if values is None else values, dtype=float)
     except (TypeError, ValueError):
         raise AllocationError(f"{name} = {values!r} must be an array of numbers") from None
     if (array.ndim != 1 or array.size == 0) if n is None else array.shape != (n,):
@@ -187,6 +192,23 @@ class Allocation:
         return float(np.average(np.minimum(self.limit, problem.cap), weights=problem.mass))
 
 
+def check_limits(problem: AllocationProblem, limit: ArrayLike) -> Floats:
+    """A copy of limits of all units, (n,); raises `AllocationError` for what is none."""
+    try:
+        x = np.array(math.nan if np.iscomplexobj(limit) else limit, dtype=float)
+    except (TypeError, ValueError):  # no numbers
+        x = np.array(math.nan)
+    if x.shape != (problem.n,):
+        answer = f"an array of shape {x.shape}" if x.ndim else f"{limit!r:.60}"
+        advice = f"return one limit per unit, real numbers, here ({problem.n},)"
+        raise AllocationError(f"answer returned {answer}; {advice}")
+    x[(x < 0.0) & (x >= -ROUNDING * problem.expected)] = 0.0
+    for j in np.flatnonzero(~(x >= 0.0))[:1]:
+        advice = "; clip limits to problem.lower, problem.upper" if x[j] < 0.0 else ", no number"
+        raise AllocationError(f"limit[{j}] is {x[j]:.6g}{advice}")
+    return x
+
+
 def allocated(
     problem: AllocationProblem,
     limit: ArrayLike,
@@ -195,26 +217,12 @@ def allocated(
     **more: Any,
 ) -> Allocation:
     """The answer with `limit` to `problem`, the rest filled in; raises `AllocationError` for limits that are none."""
-    try:
-        x = np.array(math.nan if np.iscomplexobj(limit) else limit, dtype=float)
-    except (TypeError, ValueError):  # no numbers
-        x = np.array(math.nan)
-    if x.shape != (problem.n,):
-        answer = f"an array of shape {x.shape}" if x.ndim else f"{limit!r:.60}"
-        raise AllocationError(
-            f"answer returned {answer}; return one limit per unit, ({problem.n},)"
-        )
-    x[(x < 0.0) & (x >= -ROUNDING * problem.expected)] = 0.0
-    for j in np.flatnonzero(~(x >= 0.0))[:1]:
-        advice = "; clip limits to problem.lower, problem.upper" if x[j] < 0.0 else ", no number"
-        raise AllocationError(f"limit[{j}] is {x[j]:.6g}{advice}")
-    x = np.minimum(x, problem.limit_max)
+    x = np.minimum(check_limits(problem, limit), problem.limit_max)
     x.flags.writeable = False
     short = 1.0 - float(np.average(x, weights=problem.mass)) / problem.expected
-    return Allocation(
-        x, float(level), case or CASES[2 if problem.surplus > ROUNDING else 1],
-        problem.expected * short if short > ROUNDING else 0.0, **more,
-    )  # fmt: skip
+    unmet = problem.expected * short if short > ROUNDING else 0.0
+    case = case or CASES[2 if problem.surplus > ROUNDING else 1]
+    return Allocation(x, float(level), case, unmet, **more)
 
 
 @dataclass(frozen=True)
@@ -241,28 +249,28 @@ class Optimality:
 
 
 def optimality(
-    problem: AllocationProblem, answer: Allocation, tolerance: float = 1e-9
+    problem: AllocationProblem, answer: Allocation | ArrayLike, tolerance: float = 1e-9
 ) -> Optimality:
-    """Residuals of `answer` to `problem`.
+    """Residuals of `answer` to `problem`: an `Allocation`, or limits (n,); raises `AllocationError` for what is none.
 
     `tolerance`: distance from a bound, relative to the plan, within which a unit counts as being there.
     """
-    x, lower, upper = answer.limit, problem.lower, problem.upper
+    limit: Any = getattr(answer, "limit", answer)
+    level = getattr(answer, "level", math.nan)
+    x, lower, upper = check_limits(problem, limit), problem.lower, problem.upper
     near = tolerance * problem.expected
     at_upper, at_lower = upper - x <= near, x - lower <= near
     free = ~at_upper & ~at_lower
-    if free.any():
+    if free.any() and not math.isfinite(level):
         level = float(np.average(x[free], weights=problem.mass[free]))
-    else:  # a unit whose bounds meet says nothing of the level
+    elif not math.isfinite(level):  # a unit whose bounds meet says nothing of the level
         below = x[at_upper & ~at_lower]
         level = float(below.max() if below.size else x[~at_upper].min(initial=x.max()))
-    if math.isfinite(answer.level):
-        level = answer.level
     excess = x - level
     wrong = np.where(at_upper, excess, -excess)
     distance = np.where(at_upper, np.abs(upper - x), np.abs(x - lower))
     slack = np.where(free, 0.0, np.minimum(distance, np.abs(excess)))
-    missed = abs(answer.effort(problem) - problem.attainable)
+    missed = abs(float(np.average(x, weights=problem.mass)) - problem.attainable)
 
     def largest(values: Floats) -> float:
         return float(values.max(initial=0.0))

@@ -1,4 +1,4 @@
-"""The allocation as a quadratic program for OSQP, set up once per number of units; its own answer is judged.
+"""The allocation as a quadratic program for OSQP, set up once per number of units; its answer is judged.
 
 With z = x / expected, w = mass / mean mass, T = the attainable sum over the plan's:
 
@@ -27,7 +27,7 @@ ONE_AT_A_TIME = threading.Lock()
 workspace answers one call at a time."""
 
 
-def leaves_no_choice(problem: AllocationProblem) -> str:
+def status_without_solver(problem: AllocationProblem) -> str:
     """Why the exact answer needs no solver: "ok" out of reach, where the bounds are the answer; "near tie"; else nothing."""
     least = float(np.average(problem.lower / problem.expected, weights=problem.mass)) - 1.0
     if problem.surplus <= 0.0 or least >= 0.0:
@@ -37,32 +37,41 @@ def leaves_no_choice(problem: AllocationProblem) -> str:
     return tie if room <= TOLERANCE else ""
 
 
-def judged(
-    problem: AllocationProblem, found: Floats, said: str, certified: tuple[Floats, float]
+def judge_answer(
+    problem: AllocationProblem, answer: Floats, status: str, certified: tuple[Floats, float]
 ) -> Allocation:
-    """A solver's own answer, limits `found` (n,), if within `TOLERANCE` of the `certified` one, which else stands in.
+    """A solver's `answer`, limits (n,), if within `TOLERANCE` of the `certified` one, which else stands in.
 
-    `said`: "ok", or what the solver says went wrong. `certified`: limits and level.
+    `status`: "ok", or what the solver says went wrong. `certified`: limits and level.
     """
     best, level = certified
-    gap = float(np.max(np.abs(found - best))) / problem.expected if said == "ok" else math.nan
-    if said == "ok" and not gap <= TOLERANCE:
-        said = f"off by {gap:.1g} of the plan"
-    if said != "ok":
-        status = f"failed: {said}; exact answer used"
+    gap = float(np.max(np.abs(answer - best))) / problem.expected if status == "ok" else math.nan
+    if status == "ok" and not gap <= TOLERANCE:
+        status = f"off by {gap:.1g} of the plan"
+    if status != "ok":
+        status = f"failed: {status}; exact answer used"
         gap = gap if math.isfinite(gap) else math.inf
         return allocated(problem, best, level, status=status, gap=gap)
-    limit = np.clip(found, problem.lower, problem.upper)
+    limit = np.clip(answer, problem.lower, problem.upper)
     near = TOLERANCE * problem.expected
     free = (limit > problem.lower + near) & (limit < problem.upper - near)
-    own = float(limit[free].mean()) if free.any() and math.isfinite(level) else level
-    return allocated(problem, limit, own, gap=gap)
+    if free.any() and math.isfinite(level):
+        level = float(limit[free].mean())
+    return allocated(problem, limit, level, gap=gap)
 
 
 SETTINGS: dict[str, Any] = {
-    "eps_abs": 1e-9, "eps_rel": 1e-9, "rho": 2.0, "alpha": 1.45, "scaling": 0, "polishing": True, "check_termination": 10,
-    "warm_starting": False, "eps_prim_inf": 1e-15, "eps_dual_inf": 1e-15,
-}  # fmt: skip
+    "eps_abs": 1e-9,
+    "eps_rel": 1e-9,
+    "rho": 2.0,
+    "alpha": 1.45,
+    "scaling": 0,
+    "polishing": True,
+    "check_termination": 10,
+    "warm_starting": False,
+    "eps_prim_inf": 1e-15,
+    "eps_dual_inf": 1e-15,
+}
 """Settings of OSQP: its default tolerances of 1e-3 are loose. Without warm start, and with the step set back, the
 answer does not depend on the problem before."""
 
@@ -79,9 +88,8 @@ class Workspace:
         self.entries = matrix.data  # a column holds its entry of the box, then of the sum
         self.mass, self.moved, self.ends = np.ones(n), False, osqp.SolverStatus
         self.infinite, self.solver = osqp.constant("OSQP_INFTY"), osqp.OSQP()
-        self.solver.setup(
-            sparse.eye(n, format="csc"), -np.ones(n), matrix, np.zeros(n + 1), np.ones(n + 1), verbose=False, **SETTINGS
-        )  # fmt: skip
+        curvature, (lower, upper) = sparse.eye(n, format="csc"), (np.zeros(n + 1), np.ones(n + 1))
+        self.solver.setup(curvature, -np.ones(n), matrix, lower, upper, verbose=False, **SETTINGS)
 
     def solve(self, problem: AllocationProblem) -> tuple[Floats, str]:
         """Limits (n,), and "ok" or what OSQP says went wrong."""
@@ -90,17 +98,18 @@ class Workspace:
             self.entries[1::2], self.mass = root, problem.mass
             self.solver.update(q=-root, Ax=self.entries)
         total = root @ root * problem.attainable / plan
-        low, high = (np.append(root * one / plan, total) for one in (problem.lower, problem.upper))
-        self.solver.update(l=low, u=np.minimum(high, self.infinite))
+        lower = np.append(root * problem.lower / plan, total)
+        upper = np.append(root * problem.upper / plan, total)
+        self.solver.update(l=lower, u=np.minimum(upper, self.infinite))
         if self.moved:
             self.solver.update_settings(rho=SETTINGS["rho"])
-        found = self.solver.solve(raise_error=False)
-        self.moved = found.info.rho_updates > 0
-        status = self.ends(found.info.status_val)
+        solution = self.solver.solve(raise_error=False)
+        self.moved = solution.info.rho_updates > 0
+        status = self.ends(solution.info.status_val)
         if status == self.ends.OSQP_SIGINT:
             signal.raise_signal(signal.SIGINT)  # OSQP kept it from Python
         fine = status == self.ends.OSQP_SOLVED
-        return found.x / root * plan, "ok" if fine else str(found.info.status)
+        return solution.x / root * plan, "ok" if fine else str(solution.info.status)
 
 
 workspace = lru_cache(maxsize=64)(Workspace)
@@ -109,14 +118,18 @@ workspace = lru_cache(maxsize=64)(Workspace)
 def answer_qp(problem: AllocationProblem) -> Allocation:
     """Limits by OSQP."""
     certified = exact_limits(problem)
-    if reason := leaves_no_choice(problem):
+    if reason := status_without_solver(problem):
         return allocated(problem, *certified, status=reason)
     with ONE_AT_A_TIME:
-        found, said = workspace(problem.n).solve(problem)
-    return judged(problem, found, said, certified)
+        answer, status = workspace(problem.n).solve(problem)
+    return judge_answer(problem, answer, status, certified)
 
 
 QP = Rule(
-    "qp", "quadratic program: least deviation from the plan (OSQP)", answer=answer_qp,
-    promise="exact", colour="#e38eff", marker="X",
-)  # fmt: skip
+    "qp",
+    "quadratic program: least deviation from the plan (OSQP)",
+    answer=answer_qp,
+    promise="exact",
+    colour="#e38eff",
+    marker="X",
+)

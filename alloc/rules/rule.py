@@ -62,12 +62,12 @@ class Rule:
             object.__setattr__(self, "share", law)
         for choice, choices in ((self.belief, BELIEFS), (self.promise, PROMISES)):
             if isinstance(choice, str) and choice not in choices:
-                known = ", ".join(choices)
-                raise AllocationError(f"rule {self.name!r}: {choice!r} must be one of {known}")
+                names = ", ".join(choices)
+                raise AllocationError(f"rule {self.name!r}: {choice!r} must be one of {names}")
         if isinstance(self.belief, str):
             object.__setattr__(self, "belief", BELIEFS[self.belief])
         if self.answer is not None:
-            object.__setattr__(self, "share", partial(serve, self))
+            object.__setattr__(self, "share", partial(serve_answer, self))
         if not callable(self.share):
             raise AllocationError(
                 f"rule {self.name!r}: give a share(units, run), or an answer(problem)"
@@ -77,7 +77,7 @@ class Rule:
         """The rule's answer to `problem`."""
         started = time.perf_counter()
         if self.answer is not None:
-            return replace(self.answered(problem), solve_time=time.perf_counter() - started)
+            return replace(self.call_answer(problem), solve_time=time.perf_counter() - started)
         with blamed_on(f"rule {self.name!r}", self.share):
             units, run = rows_of(problem)
             level = self.share(units, run)
@@ -88,13 +88,14 @@ class Rule:
             spent, case = time.perf_counter() - started, CASES[run.case] if run.case else None
             return allocated(problem, units.wanted, level, case, solve_time=spent)
 
-    def answered(self, problem: AllocationProblem) -> Allocation:
+    def call_answer(self, problem: AllocationProblem) -> Allocation:
         """What its `answer` is, filled in; raises `InputError` of one line with file and line for what is none."""
         with blamed_on(f"rule {self.name!r}", self.answer):
-            found: Any = self.answer(problem)  # type: ignore[misc]
-            limit = found.limit if isinstance(found, Allocation) else found
-            fine = np.shape(limit) == (problem.n,) and limit is not found
-            return found if fine and np.all(limit >= -ROUNDING) else allocated(problem, limit)
+            answer: Any = self.answer(problem)  # type: ignore[misc]
+            if not isinstance(answer, Allocation):
+                return allocated(problem, answer)
+            fine = np.shape(answer.limit) == (problem.n,) and np.all(answer.limit >= -ROUNDING)
+            return answer if fine else allocated(problem, answer.limit)
 
     def with_belief(self, name: str) -> "Rule":
         """The same rule on another belief."""
@@ -105,31 +106,37 @@ RULES: Registry[Rule] = Registry("rule")
 """Every rule by name."""
 
 
-def serve(rule: Rule, units: Rows, run: Any) -> float:
+def serve_answer(rule: Rule, units: Rows, run: Any) -> float:
     """How a rule shares that has an `answer` in plain Python: rows in, rows out; faults of its solver are counted."""
-    found = rule.answered(problem_of(units, run))
+    answer = rule.call_answer(problem_of(units, run))
     for j in range(units.size):
-        units[j].wanted = found.limit[j]
-    run.case = CASES.index(found.case)
-    run.rule_faults += int(found.failed)
-    run.rule_gap = np.fmax(run.rule_gap, found.gap)
-    return found.level
+        units[j].wanted = answer.limit[j]
+    run.case = CASES.index(answer.case)
+    run.rule_faults += int(answer.failed)
+    run.rule_gap = np.fmax(run.rule_gap, answer.gap)
+    return answer.level
+
+
+FIELD_OF = {name: name for name in ("cap", "mark", "searching", "truth", "deviation")}
+FIELD_OF |= {
+    "mass_share": "mass",
+    "most": "limit_max",
+    "reported": "delivered",
+    "wanted": "previous",
+}
+"""Field of an `AllocationProblem` by the column of a unit that has it."""
 
 
 @lru_cache(maxsize=64)
-def _blank(n: int) -> tuple[Rows, Rows]:
+def _default_rows(n: int) -> tuple[Rows, Rows]:
     return UNIT.rows(n), RUN.rows(1)
 
 
 def rows_of(problem: AllocationProblem) -> tuple[Rows, Any]:
     """Rows of the units and the row of the run that state `problem` to a rule."""
-    units, run = (one.copy() for one in _blank(problem.n))
-    for column, values in (
-        ("cap", problem.cap), ("mass_share", problem.mass), ("most", problem.limit_max), ("mark", problem.mark),
-        ("reported", problem.delivered), ("searching", problem.searching), ("truth", problem.truth),
-        ("deviation", problem.deviation), ("wanted", problem.previous),
-    ):  # fmt: skip
-        units[column] = values
+    units, run = (rows.copy() for rows in _default_rows(problem.n))
+    for column, name in FIELD_OF.items():
+        units[column] = getattr(problem, name)
     run.plan, run.needed, run.limit_rate = problem.plan, problem.expected, problem.rate
     return units, run[0]
 
