@@ -32,7 +32,8 @@ def observe(unit, axles, m, run):
     if not math.isnan(m.torque):
         mean = (torque - m.torque * left) / (1.0 - left) + unit.lag / period * (m.torque - torque)
         m.acceleration += period / SMOOTH * ((v - m.speed) / period - m.acceleration)
-    worst, known, rough, i, at_rail = -1, 0, 0.0, -1, unit.radius * unit.load
+    worst, seen, rough, i, at_rail = -1, 0, 0.0, -1, unit.radius * unit.load
+    # the loop passes over axles that no motor drives: a selection of rows would copy them
     for a in axles:
         if a.unit < 0 or i + 1 == AXLES:
             continue
@@ -42,18 +43,19 @@ def observe(unit, axles, m, run):
             continue
         rim, s = run.sign * a.reading, run.sign * a.reading - v
         if math.isnan(m.rim[i]):
-            m.rim[i], m.now[i], m.before[i], m.slip[i], m.mean_slip[i] = rim, s, s, s, NAN
+            m.rim[i], m.mean_slip[i] = rim, NAN
+            m.reading[i] = m.last_reading[i] = m.slip[i] = s
             m.coefficient[i] = unit.gear * torque / at_rail
         turning = unit.inertia * (rim - m.rim[i]) / (unit.radius * period)
         m.coefficient[i] += share * ((unit.gear * mean - turning) / at_rail - m.coefficient[i])
-        m.slip[i] += share * (0.5 * (s + m.now[i]) - m.slip[i])
-        rough += abs(s - 2.0 * m.now[i] + m.before[i])
-        m.rim[i], m.before[i], m.now[i] = rim, m.now[i], s
-        known += 1
+        m.slip[i] += share * (0.5 * (s + m.reading[i]) - m.slip[i])
+        rough += abs(s - 2.0 * m.reading[i] + m.last_reading[i])
+        m.rim[i], m.last_reading[i], m.reading[i] = rim, m.reading[i], s
+        seen += 1
         if worst < 0 or m.slip[i] > m.slip[worst]:
             worst = i
-    if known > 0:
-        rough /= 1.95 * known  # mean size of a normal second difference: 0.8 sqrt(6) deviations
+    if seen > 0:
+        rough /= 1.95 * seen  # mean size of a normal second difference: 0.8 sqrt(6) deviations
         m.noise += period * (min(rough, 4.0 * max(m.noise, 2e-4)) - m.noise)
     m.torque, m.speed = torque, v
     return worst
@@ -69,7 +71,7 @@ def seek(unit, m, limited, period):
     lag = math.atan(m.turn / m.pole) + math.atan(m.turn * unit.lag)
     expected = math.sin(m.phase - lag - (LATE + m.late) * m.turn * period)
     m.ticks = m.ticks + 1 if limited else 0
-    top = correlate(unit, m, limited, expected, period)
+    top = correlate_answers(unit, m, limited, expected, period)
     settled = top >= 0 and lasted(m.ticks, SMOOTH, period)
     if settled and math.exp(m.mean_slip[top]) > 0.5 * m.sought:
         z, full, filtered = max(m.slip_answer[top], 1e-9), 0.5 * m.memory * swing, m.turn / m.pole
@@ -83,13 +85,13 @@ def seek(unit, m, limited, period):
 
 
 @jit
-def correlate(unit, m, limited, expected, period):
-    """z_s and z_mu of each axle with the answer `expected` now; returns the axle with most slip of those heard, or -1."""
+def correlate_answers(unit, m, limited, expected, period):
+    """z_s and z_mu of each axle with the answer `expected` now; returns the axle with most slip of those seen, or -1."""
     top = -1
     for i in range(AXLES):
         mu = m.coefficient[i] + unit.air / unit.load
-        heard = limited and not math.isnan(m.rim[i])
-        if not heard or m.slip[i] < LEAST_SLIP or mu < LEAST_COEFFICIENT:
+        seen = limited and not math.isnan(m.rim[i])
+        if not seen or m.slip[i] < LEAST_SLIP or mu < LEAST_COEFFICIENT:
             m.mean_slip[i] = NAN
             continue
         x, y = math.log(m.slip[i]), math.log(mu)

@@ -2,7 +2,9 @@
 
 Wheelset and lag are linear then, so the slip after step k is s_k = free_k + sum over j <= k of answer_(k-j) u_j, and the
 problem is one of the torques alone. `b` is a row of `mpc.problem.BELIEVED`, `m` one of `mpc.unit.MPC`, which has weights and
-room. Torques and slips count over their scales.
+room for all work. Torques and slips count over their scales.
+
+Loops over numbers stand in the place of matrices: an expression of arrays would make new ones in every period of every unit.
 """
 
 import math
@@ -15,7 +17,7 @@ torque_scale = jit(problem.torque_scale)
 
 
 @jit
-def line(b, period):
+def line_dynamics(b, period):
     """Numbers of `advance`, exact for a line: what a period keeps of slip and torque, and what it adds to the slip."""
     slope = b.elasticity * b.coefficient / b.pair_slip
     stiff = b.radius * b.radius * b.load / b.inertia
@@ -29,8 +31,8 @@ def line(b, period):
 @jit
 def advance(slip, torque, command, push, numbers):
     """Slip [m/s] and torque [N m] a period on; `push`: 1, or 0 for the answer to torque alone."""
-    keep, left, share, reach, pushed = numbers
-    slip = keep * slip + reach * (share * torque + (1.0 - share) * command) + push * pushed
+    keep, left, share, reach, offset = numbers
+    slip = keep * slip + reach * (share * torque + (1.0 - share) * command) + push * offset
     return slip, left * torque + (1.0 - left) * command
 
 
@@ -40,17 +42,19 @@ def plan(m, b, period):
 
     Newton's method on the torques that are off their bounds; a step is projected, and halved until the cost falls.
     """
-    n, scale, numbers = m.horizon, torque_scale(b), line(b, period)
-    slip, torque, more, held = b.slip, b.torque, 0.0, 0.0
+    n, scale, numbers = m.horizon, torque_scale(b), line_dynamics(b, period)
+    slip, torque, answer, answer_torque = b.slip, b.torque, 0.0, 0.0
     for k in range(n):
         slip, torque = advance(slip, torque, 0.0, 1.0, numbers)
-        more, held = advance(more, held, scale if k == 0 else 0.0, 0.0, numbers)
-        m.free[k], m.answer[k] = slip / SLIP, more / SLIP
-    upper, reached = b.upper / scale, look(m, b, m.torques, scale)
+        command = scale if k == 0 else 0.0
+        answer, answer_torque = advance(answer, answer_torque, command, 0.0, numbers)
+        m.free[k], m.answer[k] = slip / SLIP, answer / SLIP
+    upper, cost = b.upper / scale, evaluate_cost(m, b, m.torques, scale)
     for _ in range(20):
         steepest = 0.0
         for k in range(n):
             u, m.step[k] = m.torques[k], m.slope[k]
+            # a torque at its bound keeps its place in the system, which so has one size and needs no list of free torques
             if (u <= 0.0 and m.slope[k] > 0.0) or (u >= upper and m.slope[k] < 0.0):
                 m.step[k] = 0.0
                 for j in range(n):
@@ -58,33 +62,34 @@ def plan(m, b, period):
             steepest = max(steepest, abs(m.step[k]))
         if steepest < 1e-9:
             return True
-        divide(m.step, m.hessian, n)
-        share, now = 1.0, math.inf
-        while not now < reached and share > 1e-4:
+        solve_cholesky(m.step, m.hessian, n)
+        share, trial_cost = 1.0, math.inf
+        while not trial_cost < cost and share > 1e-4:
             for k in range(n):
-                m.tried[k] = min(max(m.torques[k] - share * m.step[k], 0.0), upper)
-            now, share = look(m, b, m.tried, scale), 0.5 * share
-        if not now < reached:  # rounding hides the rest, or there is no way down
+                m.trial[k] = min(max(m.torques[k] - share * m.step[k], 0.0), upper)
+            trial_cost, share = evaluate_cost(m, b, m.trial, scale), 0.5 * share
+        if not trial_cost < cost:  # rounding hides the rest, or there is no way down
             return steepest < 1e-3
+        # number by number: Numba refused or did wrong to assign a whole column of a row in past versions
         for k in range(n):
-            m.torques[k] = m.tried[k]
-        reached = now
+            m.torques[k] = m.trial[k]
+        cost = trial_cost
     return False
 
 
 @jit
-def look(m, b, u, scale):
+def evaluate_cost(m, b, u, scale):
     """The cost of torques `u`; half of its first and second derivatives go into `m.slope` and `m.hessian`."""
     n, total, last = m.horizon, 0.0, b.before / scale
     for k in range(n):
         m.slope[k] = 0.0
         for j in range(k + 1):
             m.hessian[k, j] = 0.0
-        missed, change, over = u[k] - b.target / scale, u[k] - last, m.free[k] - b.limit / SLIP
+        short, change, over = u[k] - b.target / scale, u[k] - last, m.free[k] - b.limit / SLIP
         for j in range(k + 1):
             over += m.answer[k - j] * u[j]
-        total += missed * missed + m.change_weight * change * change
-        m.slope[k] += missed + m.change_weight * change
+        total += short * short + m.change_weight * change * change
+        m.slope[k] += short + m.change_weight * change
         m.hessian[k, k] += 1.0 + m.change_weight
         if k > 0:
             m.slope[k - 1] -= m.change_weight * change
@@ -101,7 +106,7 @@ def look(m, b, u, scale):
 
 
 @jit
-def divide(x, a, n):
+def solve_cholesky(x, a, n):
     """Put the solution of a y = x into `x`, by Cholesky's factor, which replaces the lower half of `a`: no other is read."""
     for i in range(n):
         for j in range(i + 1):

@@ -29,10 +29,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass, field
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from alloc import backends
 from alloc.onboard.columns import ONE
@@ -66,8 +67,8 @@ BELIEVED = Table(
 """What is believed of a unit; a row of it for each unit of a problem."""
 _ABOVE = {"pair_slip", "radius", "gear", "load", "inertia", "lag"}
 _LARGEST = np.finfo(float).max
-LEAST = np.array([5e-324 if name in _ABOVE else 0.0 if name in ("coefficient", "share") else -_LARGEST
-                  for name in BELIEVED.columns])  # fmt: skip
+_LEAST = dict.fromkeys(_ABOVE, 5e-324) | {"coefficient": 0.0, "share": 0.0}
+LEAST = np.array([_LEAST.get(name, -_LARGEST) for name in BELIEVED.columns])
 MOST = np.array([np.inf if name in ("limit", "upper") else _LARGEST for name in BELIEVED.columns])
 """Least and greatest value of each column for which the model is one."""
 LIMIT, ELASTICITY = map(list(BELIEVED.columns).index, ("limit", "elasticity"))
@@ -99,16 +100,26 @@ class Problem:
     curve: str = "line"
     """Believed curve: "line" or "rational"."""
     weights: Weights = field(default_factory=Weights)
-    couplers: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    couplers: Any = ()
     """Tension of each coupler over the weighed torques c u of the units, (couplers, m) [1]; see `tensions`."""
 
     def __post_init__(self) -> None:
-        if self.curve not in ("line", "rational"):
-            raise InputError(f"curve = {self.curve!r}: a problem has 'line' or 'rational'")
-        if self.horizon < 1 or not 0.0 < self.period < np.inf or self.units.size < 1:
-            raise InputError(f"a problem needs a unit, a step and a period, not {self!r:.80}")
-        if not all(0.0 <= price < np.inf for price in self.weights):
-            raise InputError(f"{self.weights}: each must be a finite number, 0 or greater")
+        u, w, couplers = self.units, self.weights, read_array(self.couplers)
+        rows = isinstance(u, np.recarray) and u.ndim == 1 and u.dtype == BELIEVED.dtype
+        prices = isinstance(w, Weights) and all(is_number(price, 0.0) for price in w)
+        wide = couplers.ndim == 2 and couplers.shape[1:] in ((np.size(u),), (0,))
+        for name, fits, need in (
+            ("units", rows and u.size > 0, "rows of `BELIEVED`, one or more, as BELIEVED.rows(2)"),
+            ("period", is_number(self.period, 5e-324), "a time [s] above 0"),
+            ("horizon", is_number(self.horizon, 1, whole=True), "a whole number, 1 or more"),
+            ("curve", self.curve in ("line", "rational"), "'line' or 'rational'"),
+            ("weights", prices, "`Weights` of finite numbers, 0 or greater"),
+            ("couplers", wide and np.isfinite(couplers).all(), "finite numbers (couplers, units)"),
+        ):
+            if not fits:
+                text = " ".join(repr(getattr(self, name)).split())  # arrays have lines
+                raise InputError(f"{name} = {text:.80}: give {need}")
+        object.__setattr__(self, "couplers", couplers)
         values = self.rows
         wrong = ~((values >= LEAST) & (values <= MOST))
         if self.curve == "rational":  # of another elasticity there is no such curve
@@ -120,14 +131,28 @@ class Problem:
             raise InputError(
                 f"unit {j}: {list(BELIEVED.columns)[k]} = {values[j, k]:g} must be {bound}"
             )
-        if len(self.couplers) and self.couplers.shape[1] != self.units.size:
-            told = f"{self.couplers.shape[1]} columns for {self.units.size} units"
-            raise InputError(f"couplers have {told}; give one per unit")
 
     @property
     def rows(self) -> Floats:
         """The units as plain numbers, (m, columns)."""
         return np.array(self.units.tolist(), dtype=float).reshape(self.units.size, -1)
+
+
+def read_array(values: ArrayLike) -> Floats:
+    """`values` as numbers, nothing as (0, 0); what is no array of numbers becomes one nan."""
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        return np.array(np.nan)
+    return array if array.size else np.zeros((0, 0))
+
+
+def is_number(value: Any, least: float, whole: bool = False) -> bool:
+    """Whether `value` is a finite number of `least` or more, and a `whole` one where that is asked for."""
+    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    return (
+        isinstance(value, kinds) and not isinstance(value, bool) and bool(least <= value < np.inf)
+    )
 
 
 class Plan(NamedTuple):
@@ -151,22 +176,22 @@ def solve(problem: Problem, solver: str = "daqp") -> Plan:
     """
     m, n, couplers = problem.units.size, problem.horizon, len(problem.couplers)
     if solver not in SOLVERS or (problem.curve == "rational" and solver != "ipopt"):
-        known = "ipopt" if problem.curve == "rational" else ", ".join(SOLVERS)
-        raise InputError(f"solver = {solver!r} for curve {problem.curve!r}: give one of {known}")
-    u, w, given = problem.units, problem.weights, problem.rows.T
+        names = "ipopt" if problem.curve == "rational" else ", ".join(SOLVERS)
+        raise InputError(f"solver = {solver!r} for curve {problem.curve!r}: give one of {names}")
+    u, w, rows = problem.units, problem.weights, problem.rows.T
     # else torques or slips may be exchanged at no cost
     convex = min(u.share) > 0.0 and w.slip > 0.0 and (m == 1 or w.change + w.even > 0.0)
     function = build(m, n, problem.curve, couplers, solver, convex)
-    given[LIMIT] = np.minimum(given[LIMIT], MOST_SLIP)
+    rows[LIMIT] = np.minimum(rows[LIMIT], MOST_SLIP)
     numbers = [problem.period, *problem.weights]
-    # of a solver that fails CasADi would print all it was given
+    # of a solver that fails CasADi would print all arguments
     with interrupted_afterwards(), redirect_stderr(io.StringIO()):
         try:
-            found = [np.asarray(part) for part in function(given, numbers, problem.couplers)]
+            results = [np.asarray(part) for part in function(rows, numbers, problem.couplers)]
         except RuntimeError:  # CasADi's answer to a solver that fails
-            found = [np.full((m, n), np.nan)] * 2 + [np.full(1, np.nan)] * 2
-    torque, slip, cost, missed = found
-    if not (np.isfinite(torque).all() and np.isfinite(slip).all() and missed <= TOLERANCE):
+            results = [np.full((m, n), np.nan)] * 2 + [np.full(1, np.nan)] * 2
+    torque, slip, cost, residual = results
+    if not (np.isfinite(torque).all() and np.isfinite(slip).all() and residual <= TOLERANCE):
         return Plan(np.full((m, n), np.nan), np.full((m, n), np.nan), np.nan, False)
     return Plan(torque * torque_scale(u)[:, None], slip * SLIP, float(cost.item()), True)
 
@@ -215,9 +240,9 @@ def one_step(curve: str) -> Any:
     """
     import casadi as cs
 
-    slip, torque, command, period = (cs.SX.sym(one) for one in ("s", "T", "u", "h"))
+    slip, torque, command, period = (cs.SX.sym(name) for name in ("s", "T", "u", "h"))
     row = cs.SX.sym("row", len(BELIEVED.columns))
-    unit = named(row)
+    unit = columns_of_rows(row)
     after = command + cs.exp(-period / unit.lag) * (torque - command)
     mean = command - unit.lag / period * (after - torque)
     rate = slip_rate(slip, mean, unit, curve)
@@ -229,14 +254,9 @@ def one_step(curve: str) -> Any:
     )
 
 
-class named:
-    """Rows of numbers or symbols (columns, m) by the columns of `BELIEVED`."""
-
-    def __init__(self, rows: Any) -> None:
-        self.__dict__ |= {key: rows[i, :] for i, key in enumerate(BELIEVED.columns)}
-
-    def __getattr__(self, key: str) -> Any:
-        raise AttributeError(key)
+def columns_of_rows(rows: Any) -> Any:
+    """Rows of symbols (columns, m) by the names of the columns of `BELIEVED`."""
+    return SimpleNamespace(**{name: rows[i, :] for i, name in enumerate(BELIEVED.columns)})
 
 
 # The problem
@@ -264,22 +284,20 @@ def build(m: int, n: int, curve: str, couplers: int, solver: str, convex: bool =
 
     opti = cs.Opti() if solver == "ipopt" else cs.Opti("conic")
     u, over = opti.variable(m, n), opti.variable(m, n)
-    rows, numbers = (
-        opti.parameter(len(BELIEVED.columns), m),
-        opti.parameter(1 + len(Weights._fields)),
-    )
+    rows = opti.parameter(len(BELIEVED.columns), m)
+    numbers = opti.parameter(1 + len(Weights._fields))
     tension = opti.parameter(couplers, m if couplers else 0)
     parts: Any = cs.vertsplit(numbers)
-    unit, period, w = named(rows), parts[0], Weights(*parts[1:])
+    unit, period, w = columns_of_rows(rows), parts[0], Weights(*parts[1:])
     share = unit.share.T
     scale, step = torque_scale(unit).T, one_step(curve).map(m)
     slip, torque, before, cost, slips = unit.slip, unit.torque, unit.before.T / scale, 0.0, []
     for k in range(n):
         slip, torque = step(slip, torque, (u[:, k] * scale).T, period, rows)
         slips.append(slip.T / SLIP)
-        missed, change = u[:, k] - unit.target.T / scale, u[:, k] - before
+        short, change = u[:, k] - unit.target.T / scale, u[:, k] - before
         uneven = u[:, k] - cs.dot(share, u[:, k]) / cs.sum1(share)
-        cost += cs.dot(share, missed) ** 2
+        cost += cs.dot(share, short) ** 2
         cost += cs.dot(share, w.change * change**2 + w.slip * over[:, k] ** 2 + w.even * uneven**2)
         if couplers:
             cost += w.coupler * cs.sumsqr(tension @ (share * u[:, k]))
@@ -294,12 +312,11 @@ def build(m: int, n: int, curve: str, couplers: int, solver: str, convex: bool =
     size = 1.0 + cs.fabs(slope) + cs.fabs(push) @ cs.fabs(dual)
     # a multiplier above 0 belongs to the upper bound; it or the distance from there is 0
     slack = cs.fmin(cs.fabs(dual), cs.fabs(cs.if_else(dual > 0.0, above, below)))
-    missed = cs.vertcat(
-        below, above, cs.fabs(slope + push @ dual) / size, slack / cs.norm_inf(size)
-    )
-    given = [opti.x, dual, rows, numbers, tension]
-    judge = cs.Function("judge", given, [u, cs.horzcat(*slips), cost, cs.mmax(missed)]).expand()
-    return opti.to_function("problem", given[2:], judge.call(given))
+    stationarity = cs.fabs(slope + push @ dual) / size
+    residual = cs.mmax(cs.vertcat(below, above, stationarity, slack / cs.norm_inf(size)))
+    arguments = [opti.x, dual, rows, numbers, tension]
+    judge = cs.Function("judge", arguments, [u, cs.horzcat(*slips), cost, residual]).expand()
+    return opti.to_function("problem", arguments[2:], judge.call(arguments))
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from alloc.onboard.sensing import LIMITING
 from alloc.onboard.signatures import control
 from alloc.schema.tables import Column, Table
 from mpc.belief import AXLES, LEAST_SLIP, observe, seek
-from mpc.plan import advance, line, plan, torque_scale
+from mpc.plan import advance, line_dynamics, plan, torque_scale
 from mpc.problem import BELIEVED, Problem, Weights, solve
 
 STEPS, LATEST = 30, 10
@@ -33,6 +33,10 @@ def memory_of(name: str) -> tuple[float, ...]:
     """Memory of a unit's controller at the start of a run, as the default of a column."""
     return tuple(CONTROLLERS[name].rows(1)[0].tolist())
 
+
+OF_DELAY, FALLBACK = (0.0,) * LATEST, memory_of("cut-and-ramp")
+# The memory of a unit is one row, room for work included: nothing is allocated in a period, and one argument is handed on,
+# where compiled code would count references of every array.
 
 MPC = Table(
     "mpc",
@@ -66,8 +70,8 @@ MPC = Table(
     certainty=Column(0.0, ONE, "certainty c of it"),
     ticks=Column(0, ONE, "control periods for which the unit has been limited"),
     rim=Column(OF_EACH, "m s-1", "rim speed a period ago; nan: unknown"),
-    now=Column(OF_EACH, "m s-1", "slip as read"),
-    before=Column(OF_EACH, "m s-1", "slip as read a period ago"),
+    reading=Column(OF_EACH, "m s-1", "slip as read"),
+    last_reading=Column(OF_EACH, "m s-1", "slip as read a period ago"),
     slip=Column(OF_EACH, "m s-1", "slip, filtered"),
     coefficient=Column(OF_EACH, ONE, "coefficient, filtered, less the air brake's part"),
     mean_slip=Column(OF_EACH, ONE, "mean of the logarithm of the slip [m s-1]; nan: none"),
@@ -76,18 +80,19 @@ MPC = Table(
     coefficient_answer=Column(OF_EACH, "s", "z_mu, that of the coefficient"),
     problem=Column((0.0,) * len(BELIEVED.columns), ONE, "row of `BELIEVED`, the problem posed"),
     torques=Column(OF_STEPS, ONE, "torques of the last plan, over their scale"),
-    given=Column(
-        (0.0,) * LATEST, "N m", "commands that are still being computed, the oldest first"
-    ),
-    fallback=Column(
-        memory_of("cut-and-ramp"), ONE, "memory of cut-and-ramp, for periods without a plan"
-    ),
-    free=Column(OF_STEPS, ONE, "room: slip without torque"),
-    answer=Column(OF_STEPS, ONE, "room: answer of the slip to a torque"),
-    slope=Column(OF_STEPS, ONE, "room: first derivatives of the cost"),
-    step=Column(OF_STEPS, ONE, "room: Newton's step"),
-    tried=Column(OF_STEPS, ONE, "room: torques that are tried"),
-    hessian=Column(SQUARE, ONE, "room: second derivatives of the cost"),
+    pending=Column(OF_DELAY, "N m", "commands that are still being computed, the oldest first"),
+    fallback=Column(FALLBACK, ONE, "memory of cut-and-ramp, for periods without a plan"),
+    **{
+        name: Column(room, ONE, f"room for work: {meaning}")
+        for name, room, meaning in (
+            ("free", OF_STEPS, "slip without torque"),
+            ("answer", OF_STEPS, "answer of the slip to a torque"),
+            ("slope", OF_STEPS, "first derivatives of the cost"),
+            ("step", OF_STEPS, "Newton's step"),
+            ("trial", OF_STEPS, "torques after a step"),
+            ("hessian", SQUARE, "second derivatives of the cost"),
+        )
+    },
 )
 ROW, PROBLEM_ROW = MPC.dtype, BELIEVED.dtype
 
@@ -95,6 +100,7 @@ ROW, PROBLEM_ROW = MPC.dtype, BELIEVED.dtype
 @control
 def mpc(unit, axles, memory, run):
     """A control period."""
+    # controllers have one signature, so the memory of each comes as plain numbers
     m = memory.view(ROW)[0]
     posed = pose(unit, axles, m, run)
     solved = posed and plan(m, m.problem.view(PROBLEM_ROW)[0], run.period)
@@ -108,15 +114,15 @@ def mpc_opti(unit, axles, memory, run):
     if solved:
         rows = m.problem.view(PROBLEM_ROW).view(np.recarray)
         weights = Weights(float(m.change_weight), float(m.slip_weight))
-        found = solve(Problem(rows, float(run.period), n, weights=weights))
-        solved = found.solved
+        solution = solve(Problem(rows, float(run.period), n, weights=weights))
+        solved = solution.solved
         if solved:
-            m.torques[:n] = found.torques[0] / torque_scale(rows[0])
+            m.torques[:n] = solution.torques[0] / torque_scale(rows[0])
     command(unit, axles, m, solved, run)
 
 
 @jit
-def bound(unit, run):
+def torque_bound(unit, run):
     """Most torque [N m] that may be commanded; 0 where the readings are no numbers."""
     most = min(unit.torque_target, unit.drive_limit if run.sign > 0.0 else unit.brake_limit)
     return most if most > 0.0 else 0.0
@@ -125,13 +131,14 @@ def bound(unit, run):
 @jit
 def pose(unit, axles, m, run):
     """Believe and search by the readings, and put the problem into `m.problem`; False where nothing is known of slip."""
-    upper, b, n = bound(unit, run), m.problem.view(PROBLEM_ROW)[0], m.horizon
+    # the problem is a row of another table: memory keeps its numbers, and the view has its names
+    upper, b, n = torque_bound(unit, run), m.problem.view(PROBLEM_ROW)[0], m.horizon
     if not math.isfinite(unit.motor_torque + unit.torque_target + run.reference_speed):
         return False
     b.radius, b.gear, b.load, b.inertia = unit.radius, unit.gear, unit.load, unit.inertia
     scale = torque_scale(b)
     if m.direction != run.sign:
-        begin(m, axles[0].unit, max(unit.motor_torque, 0.0), scale)
+        begin_anew(m, axles[0].unit, max(unit.motor_torque, 0.0), scale)
         m.direction = run.sign
     i = observe(unit, axles, m, run)
     if i < 0:
@@ -142,16 +149,16 @@ def pose(unit, axles, m, run):
     b.elasticity = clip(m.elasticity, m.least, 1.0)
     b.air, b.acceleration, b.lag = unit.air, m.acceleration, unit.lag
     b.before, b.target, b.upper, b.share = m.torques[0] * scale, unit.torque_target, upper, 1.0
-    b.slip, b.torque, numbers = m.now[i], m.torque, line(b, run.period)
+    b.slip, b.torque, numbers = m.reading[i], m.torque, line_dynamics(b, run.period)
     for k in range(m.late):  # the plan begins when computing ends
-        b.slip, b.torque = advance(b.slip, b.torque, m.given[k], 1.0, numbers)
+        b.slip, b.torque = advance(b.slip, b.torque, m.pending[k], 1.0, numbers)
     for k in range(n):
         m.torques[k] = clip(m.torques[min(k + 1, n - 1)], 0.0, upper / scale)
     return True
 
 
 @jit
-def begin(m, unit, torque, scale):
+def begin_anew(m, unit, torque, scale):
     """Nothing is known of the period before; `torque` [N m] of a motor has been commanded."""
     m.torque = m.speed = NAN
     for i in range(AXLES):
@@ -159,7 +166,7 @@ def begin(m, unit, torque, scale):
     for k in range(STEPS):
         m.torques[k] = torque / scale
     for k in range(LATEST):
-        m.given[k] = torque
+        m.pending[k] = torque
     if math.isnan(m.sought):
         m.sought, m.phase = m.first, 2.4 * unit  # units swing apart from each other
 
@@ -172,10 +179,10 @@ def command(unit, axles, m, solved, run):
         cut_and_ramp(unit, axles, m.fallback, run)
         torque, m.direction = unit.torque_command, 0.0
         unit.faults += 1 if unit.seen > 0 else 0
-    due = m.given[0] if m.late > 0 else torque
+    due = m.pending[0] if m.late > 0 else torque
     for k in range(m.late):
-        m.given[k] = m.given[k + 1] if k + 1 < m.late else torque
-    unit.torque_command = min(due, bound(unit, run)) if due > 0.0 else 0.0
+        m.pending[k] = m.pending[k + 1] if k + 1 < m.late else torque
+    unit.torque_command = min(due, torque_bound(unit, run)) if due > 0.0 else 0.0
 
 
 BOUNDS: dict[str, tuple[float, float]] = {"horizon": (1, STEPS), "late": (0, LATEST)}

@@ -363,6 +363,14 @@ def test_an_answer_that_is_none_is_named(wrong, said):
         Rule("w", "", answer=answer)(AllocationProblem([0.1, 0.2], PLAN))
 
 
+@looped("limit", [[0.1], [[0.1, 0.1]], None, "all", [0.1, math.nan], [0.1j, 0.1]])
+def test_optimality_is_of_one_limit_per_unit(limit):
+    problem = AllocationProblem([0.1, 0.2], 0.15)
+    with pytest.raises(AllocationError, match=r"one limit per unit, real numbers, here|no number"):
+        optimality(problem, limit)
+    assert optimality(problem, exact_limits(problem)[0]).worst < 1e-12
+
+
 def test_what_rounding_leaves_below_zero_is_zero_and_infinite_is_no_limit():
     found = Rule("r", "", answer=lambda problem: [-1e-17, math.inf])(AllocationProblem([0.1, 0.2], PLAN))  # fmt: skip
     assert list(found.limit) == [0.0, math.inf]

@@ -240,18 +240,20 @@ def test_tensions_are_those_of_a_train_whose_cars_accelerate_alike():
 # faults
 
 
+@looped(("name", "values"), [
+    ("units", (BELIEVED.rows(0), BELIEVED.rows(2)[0], BELIEVED.rows(2).tolist(), MPC.rows(1), None)),
+    ("period", (0.0, -0.01, np.inf, np.nan, "0.01", None, True, [0.01])), ("horizon", (0, 15.0, "15", None, True)),
+    ("curve", ("cubic", None, 1)), ("weights", (Weights(slip=-1.0), Weights(change=np.nan), Weights("1"), (1.0, 2.0), None)),
+    ("couplers", (np.ones((1, 3)), np.ones(2), [[1.0], [1.0, 2.0]], [[1.0, np.nan]], "one", None, 1.0)),
+])  # fmt: skip
+def test_a_field_that_is_none_is_named_in_one_line(name, values):
+    for value in values:
+        with pytest.raises(InputError, match=rf"^{name} = .*: give .*$"):
+            Problem(**({"units": BELIEVED.rows(2)} | {name: value}))
+    assert Problem(BELIEVED.rows(2), couplers=[[1, -1]]).couplers.shape == (1, 2)
+
+
 def test_what_is_no_problem_is_refused():
-    u = BELIEVED.rows(2)
-    for wrong in (
-        {"curve": "cubic"},
-        {"horizon": 0},
-        {"period": 0.0},
-        {"couplers": np.ones((1, 3))},
-        {"weights": Weights(slip=-1.0)},
-        {"weights": Weights(change=np.nan)},
-    ):
-        with pytest.raises(InputError):
-            Problem(u, **wrong)
     for column, value in [("elasticity", np.nan), ("share", -0.1), ("coefficient", -0.1), ("target", np.inf), *(
         (name, wrong) for name in ("lag", "radius", "gear", "load", "inertia", "pair_slip") for wrong in (0.0, np.nan)
     )]:  # fmt: skip
