@@ -54,7 +54,7 @@ def plan(m, b, period):
         steepest = 0.0
         for k in range(n):
             u, m.step[k] = m.torques[k], m.slope[k]
-            # a torque at its bound keeps its place in the system, which so has one size and needs no list of free torques
+            # a torque that stays at its bound keeps its row, of the unit matrix: so the system has one size
             if (u <= 0.0 and m.slope[k] > 0.0) or (u >= upper and m.slope[k] < 0.0):
                 m.step[k] = 0.0
                 for j in range(n):
@@ -70,7 +70,7 @@ def plan(m, b, period):
             trial_cost, share = evaluate_cost(m, b, m.trial, scale), 0.5 * share
         if not trial_cost < cost:  # rounding hides the rest, or there is no way down
             return steepest < 1e-3
-        # number by number: Numba refused or did wrong to assign a whole column of a row in past versions
+        # number by number: past versions of Numba refused to assign a whole column of a row, or did it wrong
         for k in range(n):
             m.torques[k] = m.trial[k]
         cost = trial_cost
@@ -83,6 +83,7 @@ def evaluate_cost(m, b, u, scale):
     n, total, last = m.horizon, 0.0, b.before / scale
     for k in range(n):
         m.slope[k] = 0.0
+        # the lower half alone: the factor reads no other
         for j in range(k + 1):
             m.hessian[k, j] = 0.0
         short, change, over = u[k] - b.target / scale, u[k] - last, m.free[k] - b.limit / SLIP

@@ -181,6 +181,7 @@ def solve(problem: Problem, solver: str = "daqp") -> Plan:
     u, w, rows = problem.units, problem.weights, problem.rows.T
     # else torques or slips may be exchanged at no cost
     convex = min(u.share) > 0.0 and w.slip > 0.0 and (m == 1 or w.change + w.even > 0.0)
+    # to build takes a hundred times as long as to solve
     function = build(m, n, problem.curve, couplers, solver, convex)
     rows[LIMIT] = np.minimum(rows[LIMIT], MOST_SLIP)
     numbers = [problem.period, *problem.weights]

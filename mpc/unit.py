@@ -124,6 +124,7 @@ def mpc_opti(unit, axles, memory, run):
 @jit
 def torque_bound(unit, run):
     """Most torque [N m] that may be commanded; 0 where the readings are no numbers."""
+    # a comparison with nan is false, so the last line needs no test of its own for it
     most = min(unit.torque_target, unit.drive_limit if run.sign > 0.0 else unit.brake_limit)
     return most if most > 0.0 else 0.0
 
@@ -152,6 +153,7 @@ def pose(unit, axles, m, run):
     b.slip, b.torque, numbers = m.reading[i], m.torque, line_dynamics(b, run.period)
     for k in range(m.late):  # the plan begins when computing ends
         b.slip, b.torque = advance(b.slip, b.torque, m.pending[k], 1.0, numbers)
+    # Newton's method begins at the last plan, a period on: most of its torques stay
     for k in range(n):
         m.torques[k] = clip(m.torques[min(k + 1, n - 1)], 0.0, upper / scale)
     return True
@@ -160,6 +162,7 @@ def pose(unit, axles, m, run):
 @jit
 def begin_anew(m, unit, torque, scale):
     """Nothing is known of the period before; `torque` [N m] of a motor has been commanded."""
+    # nan stands for what is not known: a flag would be one more column that has to agree
     m.torque = m.speed = NAN
     for i in range(AXLES):
         m.rim[i] = NAN

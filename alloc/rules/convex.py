@@ -54,7 +54,7 @@ ONE_AT_A_TIME = threading.Lock()
 """Parameters of cvxpy and Python's filters of warnings belong to the whole process."""
 
 
-ARRAYS = (
+ARRAYS: tuple[str, ...] = (
     "cap",
     "mass",
     "limit_max",
@@ -63,10 +63,8 @@ ARRAYS = (
     "truth",
     "deviation",
     "mark",
-    "wear",
-    "lower",
-    "upper",
 )
+ARRAYS += ("wear", "lower", "upper")
 """Fields of `AllocationProblem` that a term may use as p.NAME, beside p.plan and p.expected. Coefficients are over
 `expected`, so that p.expected is 1 and weights do not depend on the plan; masses are over their mean."""
 

@@ -72,9 +72,8 @@ class AllocationProblem:
         """Torque limit as a coefficient. Else: none."""
         self.previous = check_coefficients("previous", previous, n, np.full(n, self.expected))
         """Limits in force. Else: `expected`."""
-        self.rate = (
-            math.inf if rate is None else check_number("rate", rate, zero=True, most=math.inf)
-        )
+        rate = math.inf if rate is None else rate
+        self.rate = check_number("rate", rate, zero=True, most=math.inf)
         """Largest change of a limit against `previous`; read by rules that promise the optimum. Else: inf."""
         carried = np.minimum(self.previous, self.cap)
         self.delivered = check_coefficients("delivered", delivered, n, carried)
