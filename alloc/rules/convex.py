@@ -54,17 +54,8 @@ ONE_AT_A_TIME = threading.Lock()
 """Parameters of cvxpy and Python's filters of warnings belong to the whole process."""
 
 
-ARRAYS: tuple[str, ...] = (
-    "cap",
-    "mass",
-    "limit_max",
-    "previous",
-    "delivered",
-    "truth",
-    "deviation",
-    "mark",
-)
-ARRAYS += ("wear", "lower", "upper")
+ARRAYS: tuple[str, ...] = ("cap", "mass", "limit_max", "previous", "delivered", "truth")
+ARRAYS += ("deviation", "mark", "wear", "lower", "upper")
 """Fields of `AllocationProblem` that a term may use as p.NAME, beside p.plan and p.expected. Coefficients are over
 `expected`, so that p.expected is 1 and weights do not depend on the plan; masses are over their mean."""
 
