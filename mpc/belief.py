@@ -24,7 +24,7 @@ LEAST_SLIP, LEAST_COEFFICIENT = 0.004, 0.005
 
 
 @jit
-def observe(unit, axles, m, run):
+def observe_axles(unit, axles, m, run):
     """Pairs of coefficient and slip of each axle, noise of slip, acceleration; returns the axle with most slip, or -1."""
     period, v, torque = run.period, run.sign * run.reference_speed, unit.motor_torque
     share, left = lag_share(1.0 / m.pole, period), math.exp(-period / unit.lag)
@@ -62,7 +62,7 @@ def observe(unit, axles, m, run):
 
 
 @jit
-def seek(unit, m, limited, period):
+def seek_slip(unit, m, limited, period):
     """Elasticity of the curve at the axle with most slip, and the slip sought; returns the slip limit [m/s]."""
     m.sought = min(max(m.sought, m.lowest, m.margin * m.noise), m.highest)
     unsure = m.noise / m.sought

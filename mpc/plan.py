@@ -18,7 +18,7 @@ torque_scale = jit(problem.torque_scale)
 
 @jit
 def line_dynamics(b, period):
-    """Numbers of `advance`, exact for a line: what a period keeps of slip and torque, and what it adds to the slip."""
+    """Numbers of `advance_slip`, exact for a line: what a period keeps of slip and torque, and what it adds to the slip."""
     slope = b.elasticity * b.coefficient / b.pair_slip
     stiff = b.radius * b.radius * b.load / b.inertia
     keep, left = math.exp(-stiff * slope * period), math.exp(-period / b.lag)
@@ -29,7 +29,7 @@ def line_dynamics(b, period):
 
 
 @jit
-def advance(slip, torque, command, push, numbers):
+def advance_slip(slip, torque, command, push, numbers):
     """Slip [m/s] and torque [N m] a period on; `push`: 1, or 0 for the answer to torque alone."""
     keep, left, share, reach, offset = numbers
     slip = keep * slip + reach * (share * torque + (1.0 - share) * command) + push * offset
@@ -37,7 +37,7 @@ def advance(slip, torque, command, push, numbers):
 
 
 @jit
-def plan(m, b, period):
+def plan_torques(m, b, period):
     """Put the torques that solve the problem into `m.torques`, from those in it on; whether they do.
 
     Newton's method on the torques that are off their bounds; a step is projected, and halved until the cost falls.
@@ -45,9 +45,9 @@ def plan(m, b, period):
     n, scale, numbers = m.horizon, torque_scale(b), line_dynamics(b, period)
     slip, torque, answer, answer_torque = b.slip, b.torque, 0.0, 0.0
     for k in range(n):
-        slip, torque = advance(slip, torque, 0.0, 1.0, numbers)
+        slip, torque = advance_slip(slip, torque, 0.0, 1.0, numbers)
         command = scale if k == 0 else 0.0
-        answer, answer_torque = advance(answer, answer_torque, command, 0.0, numbers)
+        answer, answer_torque = advance_slip(answer, answer_torque, command, 0.0, numbers)
         m.free[k], m.answer[k] = slip / SLIP, answer / SLIP
     upper, cost = b.upper / scale, evaluate_cost(m, b, m.torques, scale)
     for _ in range(20):

@@ -182,7 +182,7 @@ def solve(problem: Problem, solver: str = "daqp") -> Plan:
     # else torques or slips may be exchanged at no cost
     convex = min(u.share) > 0.0 and w.slip > 0.0 and (m == 1 or w.change + w.even > 0.0)
     # to build takes a hundred times as long as to solve
-    function = build(m, n, problem.curve, couplers, solver, convex)
+    function = build_solver(m, n, problem.curve, couplers, solver, convex)
     rows[LIMIT] = np.minimum(rows[LIMIT], MOST_SLIP)
     numbers = [problem.period, *problem.weights]
     # of a solver that fails CasADi would print all arguments
@@ -243,7 +243,7 @@ def one_step(curve: str) -> Any:
 
     slip, torque, command, period = (cs.SX.sym(name) for name in ("s", "T", "u", "h"))
     row = cs.SX.sym("row", len(BELIEVED.columns))
-    unit = columns_of_rows(row)
+    unit = name_columns(row)
     after = command + cs.exp(-period / unit.lag) * (torque - command)
     mean = command - unit.lag / period * (after - torque)
     rate = slip_rate(slip, mean, unit, curve)
@@ -255,7 +255,7 @@ def one_step(curve: str) -> Any:
     )
 
 
-def columns_of_rows(rows: Any) -> Any:
+def name_columns(rows: Any) -> Any:
     """Rows of symbols (columns, m) by the names of the columns of `BELIEVED`."""
     return SimpleNamespace(**{name: rows[i, :] for i, name in enumerate(BELIEVED.columns)})
 
@@ -278,7 +278,9 @@ MOST_SLIP = 1e3
 
 
 @lru_cache(maxsize=16)
-def build(m: int, n: int, curve: str, couplers: int, solver: str, convex: bool = True) -> Any:
+def build_solver(
+    m: int, n: int, curve: str, couplers: int, solver: str, convex: bool = True
+) -> Any:
     """Function (rows of `BELIEVED` transposed, [period, weights], couplers) -> torques, slips over their scales, cost,
     residuals of primal feasibility, stationarity and complementarity."""
     import casadi as cs
@@ -289,7 +291,7 @@ def build(m: int, n: int, curve: str, couplers: int, solver: str, convex: bool =
     numbers = opti.parameter(1 + len(Weights._fields))
     tension = opti.parameter(couplers, m if couplers else 0)
     parts: Any = cs.vertsplit(numbers)
-    unit, period, w = columns_of_rows(rows), parts[0], Weights(*parts[1:])
+    unit, period, w = name_columns(rows), parts[0], Weights(*parts[1:])
     share = unit.share.T
     scale, step = torque_scale(unit).T, one_step(curve).map(m)
     slip, torque, before, cost, slips = unit.slip, unit.torque, unit.before.T / scale, 0.0, []

@@ -1,8 +1,9 @@
 """The readhesion MPC of one traction unit: it holds the best slip that the rail offers, and finds it without a known curve.
 
-A control period: readings become a belief (`mpc.belief.observe`), the slip sought moves (`seek`), the problem of the period
-is posed (`pose`) and solved (`mpc.plan.plan`, the fast twin of `mpc.problem.solve`), its first torque commanded (`command`).
-Registered as "mpc"; "mpc-opti" is the same with CasADi's solver, for reading and comparing.
+A control period: readings become a belief (`mpc.belief.observe_axles`), the slip sought moves (`seek_slip`), the problem of
+the period is posed (`pose_problem`) and solved (`mpc.plan.plan_torques`, the fast twin of `mpc.problem.solve`), its first
+torque is commanded (`command_torque`). Registered as "mpc"; "mpc-opti" is the same with CasADi's solver, for reading and
+comparing.
 """
 
 import math
@@ -18,8 +19,8 @@ from alloc.onboard.controllers.plain import cut_and_ramp
 from alloc.onboard.sensing import LIMITING
 from alloc.onboard.signatures import control
 from alloc.schema.tables import Column, Table
-from mpc.belief import AXLES, LEAST_SLIP, observe, seek
-from mpc.plan import advance, line_dynamics, plan, torque_scale
+from mpc.belief import AXLES, LEAST_SLIP, observe_axles, seek_slip
+from mpc.plan import advance_slip, line_dynamics, plan_torques, torque_scale
 from mpc.problem import BELIEVED, Problem, Weights, solve
 
 STEPS, LATEST = 30, 10
@@ -102,15 +103,15 @@ def mpc(unit, axles, memory, run):
     """A control period."""
     # controllers have one signature, so the memory of each comes as plain numbers
     m = memory.view(ROW)[0]
-    posed = pose(unit, axles, m, run)
-    solved = posed and plan(m, m.problem.view(PROBLEM_ROW)[0], run.period)
-    command(unit, axles, m, solved, run)
+    posed = pose_problem(unit, axles, m, run)
+    solved = posed and plan_torques(m, m.problem.view(PROBLEM_ROW)[0], run.period)
+    command_torque(unit, axles, m, solved, run)
 
 
 def mpc_opti(unit, axles, memory, run):
     """A control period; CasADi's DAQP solves `mpc.problem` in the place of its fast twin."""
     m = memory.view(ROW)[0]
-    solved, n = pose(unit, axles, m, run), int(m.horizon)
+    solved, n = pose_problem(unit, axles, m, run), int(m.horizon)
     if solved:
         rows = m.problem.view(PROBLEM_ROW).view(np.recarray)
         weights = Weights(float(m.change_weight), float(m.slip_weight))
@@ -118,7 +119,7 @@ def mpc_opti(unit, axles, memory, run):
         solved = solution.solved
         if solved:
             m.torques[:n] = solution.torques[0] / torque_scale(rows[0])
-    command(unit, axles, m, solved, run)
+    command_torque(unit, axles, m, solved, run)
 
 
 @jit
@@ -130,7 +131,7 @@ def torque_bound(unit, run):
 
 
 @jit
-def pose(unit, axles, m, run):
+def pose_problem(unit, axles, m, run):
     """Believe and search by the readings, and put the problem into `m.problem`; False where nothing is known of slip."""
     # the problem is a row of another table: memory keeps its numbers, and the view has its names
     upper, b, n = torque_bound(unit, run), m.problem.view(PROBLEM_ROW)[0], m.horizon
@@ -139,12 +140,12 @@ def pose(unit, axles, m, run):
     b.radius, b.gear, b.load, b.inertia = unit.radius, unit.gear, unit.load, unit.inertia
     scale = torque_scale(b)
     if m.direction != run.sign:
-        begin_anew(m, axles[0].unit, max(unit.motor_torque, 0.0), scale)
+        reset_memory(m, axles[0].unit, max(unit.motor_torque, 0.0), scale)
         m.direction = run.sign
-    i = observe(unit, axles, m, run)
+    i = observe_axles(unit, axles, m, run)
     if i < 0:
         return False
-    b.limit = seek(unit, m, unit.motor_torque < LIMITING * upper, run.period)
+    b.limit = seek_slip(unit, m, unit.motor_torque < LIMITING * upper, run.period)
     b.coefficient = max(m.coefficient[i] + unit.air / unit.load, 1e-3)
     b.pair_slip = max(m.slip[i], LEAST_SLIP, m.noise)
     b.elasticity = clip(m.elasticity, m.least, 1.0)
@@ -152,7 +153,7 @@ def pose(unit, axles, m, run):
     b.before, b.target, b.upper, b.share = m.torques[0] * scale, unit.torque_target, upper, 1.0
     b.slip, b.torque, numbers = m.reading[i], m.torque, line_dynamics(b, run.period)
     for k in range(m.late):  # the plan begins when computing ends
-        b.slip, b.torque = advance(b.slip, b.torque, m.pending[k], 1.0, numbers)
+        b.slip, b.torque = advance_slip(b.slip, b.torque, m.pending[k], 1.0, numbers)
     # Newton's method begins at the last plan, a period on: most of its torques stay
     for k in range(n):
         m.torques[k] = clip(m.torques[min(k + 1, n - 1)], 0.0, upper / scale)
@@ -160,7 +161,7 @@ def pose(unit, axles, m, run):
 
 
 @jit
-def begin_anew(m, unit, torque, scale):
+def reset_memory(m, unit, torque, scale):
     """Nothing is known of the period before; `torque` [N m] of a motor has been commanded."""
     # nan stands for what is not known: a flag would be one more column that has to agree
     m.torque = m.speed = NAN
@@ -175,7 +176,7 @@ def begin_anew(m, unit, torque, scale):
 
 
 @jit
-def command(unit, axles, m, solved, run):
+def command_torque(unit, axles, m, solved, run):
     """Command the plan's first torque; without a plan that of cut-and-ramp, which is a fault if any axle is seen."""
     torque = m.torques[0] * torque_scale(m.problem.view(PROBLEM_ROW)[0])
     if not solved:

@@ -16,8 +16,8 @@ from alloc.onboard.controllers.search import PERTURB_ROW, perturb_observe
 from alloc.onboard.signatures import control
 from alloc.run.simulation import simulate
 from alloc.schema.tables import Column, Table
-from mpc.plan import plan, torque_scale
-from mpc.unit import MPC, PROBLEM_ROW, command, memory_of, pose
+from mpc.plan import plan_torques, torque_scale
+from mpc.unit import MPC, PROBLEM_ROW, command_torque, memory_of, pose_problem
 from studies import run_cell as runs
 from studies.files.scenario import Scenario
 from studies.population import population
@@ -48,12 +48,12 @@ ABOVE_PI_ROW, CLIMBS_ROW, MPC_ROW = ABOVE_PI.dtype, CLIMBS.dtype, MPC.dtype
 def search_above_pi(unit, axles, memory, run):
     """The MPC's slip limit is held by the PI control that all other searches have."""
     m = memory.view(ABOVE_PI_ROW)[0]
-    if pose(unit, axles, m, run):
+    if pose_problem(unit, axles, m, run):
         held = m.other.view(CREEP_ROW)[0]
         held.reference = m.problem.view(PROBLEM_ROW)[0].limit
         pi_creep(unit, axles, m.other, run)
     else:
-        command(unit, axles, m, False, run)
+        command_torque(unit, axles, m, False, run)
 
 
 @control
@@ -62,11 +62,11 @@ def climbing_above_horizon(unit, axles, memory, run):
     m = memory.view(CLIMBS_ROW)[0]
     perturb_observe(unit, axles, m.other, run)
     sought, b = m.other.view(PERTURB_ROW)[0], m.problem.view(PROBLEM_ROW)[0]
-    solved = pose(unit, axles, m, run)
+    solved = pose_problem(unit, axles, m, run)
     if solved:
         b.limit = sought.reference
-        solved = plan(m, b, run.period)
-    command(unit, axles, m, solved, run)
+        solved = plan_torques(m, b, run.period)
+    command_torque(unit, axles, m, solved, run)
     wanted = unit.torque_target
     sought.share = unit.torque_command / wanted if wanted > 0.0 else 1.0
 
@@ -76,13 +76,13 @@ def inversion(unit, axles, memory, run):
     """The torque at which the believed line would hold the slip limit at once: no horizon, and no feedback of the slip."""
     m = memory.view(MPC_ROW)[0]
     b = m.problem.view(PROBLEM_ROW)[0]
-    solved = pose(unit, axles, m, run)
+    solved = pose_problem(unit, axles, m, run)
     if solved:
         held = b.coefficient * (1.0 + b.elasticity * (b.limit - b.pair_slip) / b.pair_slip)
         turning = b.inertia * b.acceleration / (b.radius * b.radius)
         wanted = (held * b.load - b.air + turning) * b.radius / b.gear / torque_scale(b)
         m.torques[0] = min(max(wanted, 0.0), b.upper / torque_scale(b))
-    command(unit, axles, m, solved, run)
+    command_torque(unit, axles, m, solved, run)
 
 
 @cache

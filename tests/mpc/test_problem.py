@@ -11,7 +11,7 @@ from alloc.plant.curves import RationalCurve
 from alloc.plant.dynamics import derivative
 from alloc.schema.errors import InputError
 from mpc import problem
-from mpc.plan import plan
+from mpc.plan import plan_torques
 from mpc.problem import (
     BELIEVED,
     COEFFICIENT,
@@ -77,7 +77,7 @@ def twin(u, w, n):
     m = MPC.rows(1)[0]
     m.horizon, m.change_weight, m.slip_weight = n, w.change, w.slip
     m.torques[:n] = min(u.before, u.upper) / torque_scale(u)
-    assert plan(m, u, PERIOD)
+    assert plan_torques(m, u, PERIOD)
     return m.torques[:n]
 
 
@@ -298,7 +298,10 @@ def test_without_a_price_every_solver_has_a_plan_of_the_least_cost():
 
 def test_a_plan_counts_as_solved_by_all_its_numbers(monkeypatch):
     """Whatever the solver says of itself: spoiled torques, slips, and a residual are noticed."""
-    u, function = believed(np.random.default_rng(15)), problem.build(1, 15, "line", 0, "daqp")
+    u, function = (
+        believed(np.random.default_rng(15)),
+        problem.build_solver(1, 15, "line", 0, "daqp"),
+    )
     for place, value in ((0, np.nan), (1, np.inf), (3, 2.0 * problem.TOLERANCE), (3, np.nan)):
 
         def spoiled(*given, place=place, value=value):
@@ -306,7 +309,7 @@ def test_a_plan_counts_as_solved_by_all_its_numbers(monkeypatch):
             parts[place].flat[-1] = value
             return parts
 
-        monkeypatch.setattr(problem, "build", lambda *_, spoiled=spoiled: spoiled)
+        monkeypatch.setattr(problem, "build_solver", lambda *_, spoiled=spoiled: spoiled)
         found = solve(Problem(u))
         assert not found.solved
         assert np.isnan([*found.torques.flat, *found.slips.flat, found.cost]).all()
@@ -315,10 +318,10 @@ def test_a_plan_counts_as_solved_by_all_its_numbers(monkeypatch):
 def test_a_solver_is_built_once():
     u = believed(np.random.default_rng(12))
     solve(Problem(u))
-    before = problem.build.cache_info().misses
+    before = problem.build_solver.cache_info().misses
     for _ in range(5):
         solve(Problem(believed(np.random.default_rng(13))))
-    assert problem.build.cache_info().misses == before
+    assert problem.build_solver.cache_info().misses == before
 
 
 @looped("swallowed", (RuntimeError("interrupted"), None))
@@ -332,7 +335,7 @@ def test_ctrl_c_ends_a_solve(swallowed):
     # a shell's background jobs ignore what Ctrl-C sends
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(problem, "build", lambda *_: interrupted)
+        patch.setattr(problem, "build_solver", lambda *_: interrupted)
         with pytest.raises(KeyboardInterrupt):
             solve(Problem(BELIEVED.rows(1)))
     assert signal.signal(signal.SIGINT, before) is signal.default_int_handler
