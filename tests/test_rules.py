@@ -301,7 +301,7 @@ def test_what_is_not_convex_is_refused():
         convex_rule("wrong", lambda x, p: -cp.sum_squares(x))(AllocationProblem(CAPS, PLAN))
 
 
-def test_own_law_compiled_in_ten_lines():
+def test_own_sharing_compiled_in_ten_lines():
     @share
     def half_way(units, run):
         for u in units:
@@ -329,6 +329,11 @@ def test_the_kit_finds_a_small_counterexample():
     to_the_cap = Rule("to-the-cap", "", answer=lambda problem: problem.cap, promise="effort")
     with pytest.raises(BrokenLaw, match=r"'effort'.*cap=\[0.\d+\], expected=0.1708"):
         check_rule(to_the_cap, examples=20)
+
+
+def test_an_error_in_a_rule_is_a_counterexample():
+    with pytest.raises(BrokenLaw, match=r"^z breaks the law 'optimal'.*ZeroDivisionError"):
+        check_rule(Rule("z", "", answer=lambda problem: 1 / 0, promise="exact"), examples=2)
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,6 @@ def check_requirements(
     """Verdict on every requirement; raises `BrokenLaw` where one is broken by over `tolerance`, `InputError` if misspelt."""
     verdicts = {}
     for requirement in requirements:
-        law, meaning = requirement.name, requirement.meaning
         worst, fault, first, allowed = 0.0, "", None, max(tolerance, requirement.allowed)
         for case in requirement.cases:
             try:
@@ -97,12 +96,14 @@ def check_requirements(
                 amount, how = math.inf, str(error)
             worst = max(worst, amount if amount == amount else math.inf)
             if not fault and not amount <= allowed:
-                remark = describe_answer(part, case, amount)
-                how = how or f"by {amount:.2g}; allowed {allowed:.2g}{remark}"
-                fault = f"{name} breaks the law {law!r} ({meaning}) {how}; counterexample: {case!r}"
+                if not how:  # an answer, and no error
+                    remark = describe_answer(part, case, amount)
+                    how = f"by {amount:.2g}; allowed {allowed:.2g}{remark}"
+                law = f"the law {requirement.name!r} ({requirement.meaning})"
+                fault = f"{name} breaks {law} {how}; counterexample: {case!r}"
                 first = case
-        verdicts[law] = verdict = Verdict(worst)
-        verdict.requirement, verdict.allowed = law, allowed
+        verdicts[requirement.name] = verdict = Verdict(worst)
+        verdict.requirement, verdict.allowed = requirement.name, allowed
         verdict.fault, verdict.case = fault, first
     if any(verdict.fault for verdict in verdicts.values()):
         raise BrokenLaw(verdicts)
