@@ -46,6 +46,7 @@ from alloc.run.recording import load
 from alloc.run.recording import save as _save
 from alloc.schema.errors import InputError
 from alloc.schema.tables import Column, Table
+from studies import StudyError as _StudyError
 from studies import benchmark as _benchmark
 from studies import compare as _compare
 from studies.command.options import check_file as _check_file
@@ -55,7 +56,6 @@ from studies.run_cell import recorded as _recorded
 from studies.runner.catalogue import find_study as _find_study
 from studies.runner.plugins import refresh as _refresh
 from studies.runner.plugins import try_own_parts as _try_own_parts
-from studies.runner.study import StudyError as _StudyError
 from studies.runner.study import run_study as _run_study
 
 __version__ = _version("readhesion")
@@ -195,7 +195,9 @@ def sweep(
     with _tempfile.TemporaryDirectory() as folder:
         rows = _run_study(study, folder if out is None else out, events, seed, jobs)
     found = _tidy(rows)
-    found.attrs |= {name: one.to_dict(orient="records") for name, one in study.tables(rows).items()}
+    found.attrs |= {
+        name: one.to_dict(orient="records") for name, one in study.make_tables(rows).items()
+    }
     return found
 
 
@@ -221,7 +223,7 @@ def rank(
     study = _benchmark.own_study(*pairs[0])
     with _tempfile.TemporaryDirectory() as folder:
         own = _run_study(study, folder if out is None else out, events, jobs=jobs)
-    tables = study.tables(own)
+    tables = study.make_tables(own)
     tables["table"].attrs["gains"] = tables["gains"].to_dict(orient="records")
     return tables["table"]
 

@@ -345,7 +345,7 @@ STUDY = Study(
     statements,
     events=population.EVENTS,
     seed=population.SEED,
-    others={"controllers": controllers, "front": front},
+    more_tables={"controllers": controllers, "front": front},
 )
 
 # the place of a part of one's own
@@ -420,7 +420,7 @@ def own_study(rule: str, controller: str) -> Study:
         table=lambda own: places(rows, own, rule, controller),
         figure=None,
         statements=None,
-        others={"gains": lambda own: gains(rows, own, rule, controller)},
+        more_tables={"gains": lambda own: gains(rows, own, rule, controller)},
     )
 
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.run.simulation import Simulation
+from studies import StudyError
 from studies.files.scenario import Scenario, load
-from studies.runner.study import StudyError
 
 Floats = NDArray[np.float64]
 TORQUES = ("motor_torque", "torque_target", "drive_limit", "brake_limit")

@@ -25,8 +25,9 @@ from alloc.plant.rows import rows_of
 from alloc.rules import RULES
 from alloc.run.event import Event
 from alloc.run.simulation import simulate
+from studies import StudyError
 from studies.files.scenario import Scenario, load
-from studies.runner.study import WIDE, Cell, Row, Study, StudyError
+from studies.runner.study import WIDE, Cell, Row, Study
 from studies.statistics import Claim, Numbers, Statement, judge, means
 
 Floats = NDArray[np.float64]

@@ -36,7 +36,8 @@ from alloc.plant.trains import find_train
 from alloc.run.driving import NO_COMMAND, TrainSense, drive
 from alloc.run.event import Event
 from alloc.schema.tables import Rows
-from studies.runner.study import BOOKKEEPING, Cell, Row, Study
+from studies.runner.rows import BOOKKEEPING
+from studies.runner.study import Cell, Row, Study
 from studies.statistics import Claim, Statement, judge
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,8 @@ from alloc.rules import RULES
 from alloc.run.event import Event
 from alloc.run.simulation import simulate
 from studies.files.scenario import Scenario
-from studies.runner.study import BOOKKEEPING, Cell, Row
+from studies.runner.rows import BOOKKEEPING
+from studies.runner.study import Cell, Row
 
 MOST_FAILURES = 0.05
 """Share of its calls in which the solver of a rule or a controller may fail in a run that counts. Beyond, the run is also

@@ -23,7 +23,8 @@ import numpy as np
 import pandas as pd
 
 from alloc.rules.exact import level_between
-from studies.runner.study import Cell, Row, Study, begin_worker, in_one_line
+from studies.runner.study import Cell, Row, Study
+from studies.runner.workers import begin_worker, describe_error
 from studies.solver_adapters import ADAPTERS, PLAN, SOLVERS, Adapter, Program, reached
 
 SIZES, LIMIT = (2, 3, 4, 6, 8, 12, 16, 32, 64, 128, 512), 60.0
@@ -90,7 +91,7 @@ def trial(adapter: Adapter, solver: str, task: Row, limit: float) -> Row:
         )
         row |= {"build": built - start, "time": end - built}
     except Exception as error:
-        row["verdict"] = in_one_line(error)[:99]
+        row["verdict"] = describe_error(error)[:99]
     x = np.ravel(np.array(x, float))
     missed = abs(np.sum(mass * x) / ask - 1.0), np.max([lower - x, x - upper]) / PLAN
     row |= {"numbers": bool(np.isfinite(x).all()), "violation": max(missed)}

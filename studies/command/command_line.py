@@ -266,7 +266,7 @@ def rank(
 
 def _asked(study: "Study", folder: Path, events: int | None, seed: int | None, work: Sweep) -> int:
     """Run a study and print its tables; the exit code."""
-    from studies.runner.study import markdown
+    from studies.runner.rows import markdown_table
     from studies.statistics import told
 
     made = _made(study, folder, work, events, seed)
@@ -279,7 +279,7 @@ def _asked(study: "Study", folder: Path, events: int | None, seed: int | None, w
         _print_json(tables)
     else:
         shown = [told(one) if kind == "statements" else one for kind, one in tables.items()]
-        print("\n".join([study.question, "", *map(markdown, shown)]))
+        print("\n".join([study.question, "", *map(markdown_table, shown)]))
         written = "tables and figure" if study.figure else "tables"
         print(f"{_counted(rows)}, {written} in {folder}")
     return 0
@@ -463,11 +463,12 @@ def _made(
 ) -> "tuple[pd.DataFrame, dict[str, pd.DataFrame]] | None":
     """The rows of a study and its tables, written with its figure; of a dry run None, and a forecast."""
     from paper_figs import styled
-    from studies.runner.study import cores, missing, run_study, write_results
+    from studies.runner.study import count_missing, run_study, write_results
+    from studies.runner.workers import count_cores
 
-    jobs = work.jobs or cores()
+    jobs = work.jobs or count_cores()
     if work.dry_run:
-        cells, lacking, seconds = missing(study, folder, events, seed)
+        cells, lacking, seconds = count_missing(study, folder, events, seed)
         told = ": no stored run says how long one takes" if lacking else ""
         if lacking and seconds == seconds:
             minutes, rest = divmod(round(lacking * seconds / jobs), 60)

@@ -21,11 +21,11 @@ from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant import curves
 from alloc.rules import RULES
 from alloc.run.recording import provenance
+from studies import StudyError
 from studies.command.citations import uses
 from studies.compare import EFFORT, REFERENCE, Standing, answer, by_controller, informed, standings
 from studies.files.scenario import Scenario, load, near, shipped
 from studies.run_cell import recorded
-from studies.runner.study import StudyError
 
 SHOWN_EVENTS = 3
 """Events that are replayed where nobody names them."""

@@ -9,10 +9,11 @@ from itertools import count
 import pytest
 
 import readhesion
-from studies.runner import row_key
-from studies.runner import study as core
+from studies import SourcesChanged
+from studies.runner import row_key, workers
 from studies.runner.plugins import load_plugins
-from studies.runner.study import SourcesChanged, run_study
+from studies.runner.rows import read_rows
+from studies.runner.study import run_study
 from tests.cases import looped
 from tests.studies.made_study import make
 
@@ -108,7 +109,7 @@ def test_a_living_cluster_follows_an_edit(tmp_path):
 def test_a_fault_of_the_place_is_no_row(tmp_path, monkeypatch):
     """Of a process with other sources, and of one that has loaded what the project was before an edit."""
     keys = map(str, count())
-    monkeypatch.setattr(core, "key_of", lambda *cell: next(keys))
+    monkeypatch.setattr(workers, "key_of", lambda *cell: next(keys))
     with pytest.raises(SourcesChanged, match="other sources than the program"):
         run_study(make(), tmp_path, 5)
     monkeypatch.undo()
@@ -116,4 +117,4 @@ def test_a_fault_of_the_place_is_no_row(tmp_path, monkeypatch):
     row_key._followed.cache_clear()
     with pytest.raises(SourcesChanged, match="the project was edited since it was loaded"):
         run_study(make(), tmp_path, 5)
-    assert not core.kept_rows(tmp_path)
+    assert not read_rows(tmp_path)

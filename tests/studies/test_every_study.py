@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from studies.runner.catalogue import STUDIES, find_study
-from studies.runner.study import key_of
+from studies.runner.row_key import key_of
 
 SEED = 3
 

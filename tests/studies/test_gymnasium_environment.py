@@ -11,9 +11,9 @@ from gymnasium.utils.env_checker import check_env
 from alloc.evaluation.metrics import evaluate
 from alloc.run.simulation import simulate
 from alloc.schema.errors import InputError
+from studies import StudyError
 from studies.files.scenario import load
 from studies.gymnasium_environment import PRICE, ReadhesionEnvironment
-from studies.runner.study import StudyError
 
 
 def short(name):

@@ -6,9 +6,9 @@ from scipy.stats import norm
 
 from alloc.plant.rail import GROWTH_SLOPE, logarithmic_increments
 from alloc.run.simulation import simulate
+from studies import StudyError
 from studies import learning as study
 from studies.files.scenario import load
-from studies.runner.study import StudyError
 
 
 def test_the_printed_numbers() -> None:

@@ -16,7 +16,8 @@ from studies.files.scenario import load
 from studies.population import draws as events
 from studies.population import population
 from studies.run_cell import cell, run
-from studies.runner.study import BOOKKEEPING, markdown, run_study
+from studies.runner.rows import BOOKKEEPING, markdown_table
+from studies.runner.study import run_study
 from studies.statistics import statement_table
 
 STYLE = Path(__file__).parents[2] / "paper_figs" / "readhesion.mplstyle"
@@ -122,7 +123,7 @@ def test_a_small_run(module, tmp_path, monkeypatch):
     assert set(rows["rule"]) == set(whole)
     assert rows["bound_use"].between(0.2, 1.01).all()
     table = study.table(rows)
-    assert len(markdown(table).splitlines()) == len(table) + 2 < 40
+    assert len(markdown_table(table).splitlines()) == len(table) + 2 < 40
     assert not table.astype(str).stack().str.contains("nan").any()
     found = statement_table(study.statements(rows))
     assert set(found["verdict"]) == {"too few events"}

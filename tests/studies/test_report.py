@@ -8,10 +8,11 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
+from studies import StudyError
 from studies.command.report import write
 from studies.compare import grid, study_of
 from studies.files.scenario import load
-from studies.runner.study import StudyError, run_study
+from studies.runner.study import run_study
 
 CHROMIUM = Path("/usr/bin/chromium")
 OPTIONS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]

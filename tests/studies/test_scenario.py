@@ -14,6 +14,7 @@ import pytest
 
 from alloc.plant.curves import CURVES
 from alloc.plant.trains import TRAINS, find_train
+from studies import StudyError
 from studies.files.scenario import (
     SHIPPED,
     default_scenarios,
@@ -24,7 +25,6 @@ from studies.files.scenario import (
     schema,
     shipped,
 )
-from studies.runner.study import StudyError
 
 HASHES = {
     "failed-unit": ("40615631", "99fa88b4"), "failed-units": ("1ba6d115", "6956e165"),

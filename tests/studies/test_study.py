@@ -16,10 +16,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.runner import row_key
-from studies.runner import study as core
-from studies.runner.row_key import decides, folder_hash
-from studies.runner.study import StudyError, WorkerLost, kept_rows, markdown, run_study, write_table
+from studies import StudyError, WorkerLost
+from studies.runner import row_key, workers
+from studies.runner.row_key import ROWS, decides, folder_hash
+from studies.runner.rows import append_rows, markdown_table, read_rows, write_table
+from studies.runner.study import run_study
 from tests.studies import made_study
 from tests.studies.made_study import make
 
@@ -62,11 +63,11 @@ def test_a_cell_that_fails_is_a_row_and_runs_again_when_asked(tmp_path):
     bad = rows[rows["status"] == "failed"]
     assert list(bad["k"]) == [made_study.FAILS]
     assert "ValueError: unlucky (at made_study.py:" in bad["reason"].iloc[0]
-    written = (tmp_path / core.ROWS).read_bytes()
+    written = (tmp_path / ROWS).read_bytes()
     run_study(make(), tmp_path, CELLS)
-    assert (tmp_path / core.ROWS).read_bytes() == written
+    assert (tmp_path / ROWS).read_bytes() == written
     run_study(make(), tmp_path, CELLS, retry_failed=True)
-    assert (tmp_path / core.ROWS).read_bytes().count(b"cell") == CELLS + 1
+    assert (tmp_path / ROWS).read_bytes().count(b"cell") == CELLS + 1
 
 
 def test_more_events_and_new_labels_run_nothing_again(tmp_path):
@@ -80,12 +81,12 @@ def test_more_events_and_new_labels_run_nothing_again(tmp_path):
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_run_that_is_stopped_goes_on(tmp_path, script, sign, jobs):
     one = script(0.1, jobs)
-    while not kept_rows(tmp_path / "rows"):
+    while not read_rows(tmp_path / "rows"):
         assert one.poll() is None
         time.sleep(0.05)
     one.send_signal(sign)
     one.wait(timeout=30)
-    kept = len(kept_rows(tmp_path / "rows"))
+    kept = len(read_rows(tmp_path / "rows"))
     assert 0 < kept < CELLS
     deadline = time.monotonic() + 30  # workers end with their parent
     while subprocess.run(["pgrep", "-f", str(tmp_path)], stdout=subprocess.DEVNULL).returncode == 0:
@@ -114,7 +115,7 @@ def test_workers_start_while_another_thread_computes(tmp_path):
 def test_a_lost_worker_is_noticed_and_no_bad_input(tmp_path):
     with pytest.raises(WorkerLost, match="a worker was lost"):
         run_study(make(0.05, kill=True), tmp_path, CELLS, jobs=2)
-    assert kept_rows(tmp_path)
+    assert read_rows(tmp_path)
 
 
 def test_rows_are_the_same_to_the_last_bit_and_two_folders_unite(tmp_path):
@@ -126,22 +127,22 @@ def test_rows_are_the_same_to_the_last_bit_and_two_folders_unite(tmp_path):
         "µ": "é",
     }
     for folder in ("a", "b"):
-        core._keep(tmp_path / folder, {folder: [value, value]})
-    found = kept_rows(tmp_path / "a")["a"][1]
-    assert b"NaN" not in (tmp_path / "a" / core.ROWS).read_bytes()  # no other language reads that
+        append_rows(tmp_path / folder, {folder: [value, value]})
+    found = read_rows(tmp_path / "a")["a"][1]
+    assert b"NaN" not in (tmp_path / "a" / ROWS).read_bytes()  # no other language reads that
     assert np.isnan(found.pop("nan"))
     assert found == {"x": 0.1 + 0.2, "n": 3, "yes": True, "µ": "é"}
-    with open(tmp_path / "a" / core.ROWS, "ab") as both:
-        both.write((tmp_path / "b" / core.ROWS).read_bytes())
-    assert set(kept_rows(tmp_path / "a")) == {"a", "b"}
+    with open(tmp_path / "a" / ROWS, "ab") as both:
+        both.write((tmp_path / "b" / ROWS).read_bytes())
+    assert set(read_rows(tmp_path / "a")) == {"a", "b"}
 
 
 @pytest.mark.parametrize("length", [-1, -2, -30, 20])
 def test_a_line_that_was_cut_off_is_run_again(tmp_path, length):
     run_study(make(), tmp_path, CELLS)
-    path = tmp_path / core.ROWS
+    path = tmp_path / ROWS
     path.write_bytes(path.read_bytes()[:length])
-    assert len(kept_rows(tmp_path)) < CELLS or length == -1
+    assert len(read_rows(tmp_path)) < CELLS or length == -1
     assert values(run_study(make(), tmp_path, CELLS)) == WANTED
 
 
@@ -179,7 +180,7 @@ def test_dask(tmp_path):
 
 def test_nobody_at_the_address(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(core, "REACHED", 1)
+    monkeypatch.setattr(workers, "REACHED", 1)
     with pytest.raises(StudyError, match="nobody works there"):
         run_study(make(), tmp_path, 5, scheduler="tcp://127.0.0.1:1")
 
@@ -290,7 +291,7 @@ def test_tables_as_files(tmp_path):
     write_table(table, tmp_path / "t.1")
     assert (
         (tmp_path / "t.1.md").read_text()
-        == markdown(table)
+        == markdown_table(table)
         == "| a | b |\n| --: | --- |\n| 1.000 | x\\|y |\n"
     )
     assert pd.read_parquet(tmp_path / "t.1.parquet")["a"].iloc[0] == 1.0

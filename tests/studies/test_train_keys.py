@@ -10,9 +10,9 @@ import pytest
 from alloc.plant import trains
 from alloc.plant.trains import find_train
 from alloc.run.simulation import simulate
+from studies import StudyError
 from studies.files.scenario import SHIPPED, load, schema
 from studies.files.train_keys import train_keys
-from studies.runner.study import StudyError
 
 TRAM = Path(__file__).with_name("tram.toml").read_text()
 EVENT = (

@@ -217,7 +217,7 @@ def test_remarks(capsys, elsewhere):
     ("--plugin nothing.py list", "nothing.py"),
 ])  # fmt: skip
 def test_a_mistake_is_one_line(capsys, monkeypatch, arguments, words):
-    monkeypatch.setattr("studies.runner.study.REACHED", 1)
+    monkeypatch.setattr("studies.runner.workers.REACHED", 1)
     assert run(arguments.split()) == 2
     told = capsys.readouterr().err
     assert told.startswith("readhesion: ")
