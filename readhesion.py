@@ -51,7 +51,7 @@ from studies import benchmark as _benchmark
 from studies import compare as _compare
 from studies.command.options import check_file as _check_file
 from studies.files.scenario import Scenario
-from studies.files.scenario import load as load_scenario
+from studies.files.scenario_files import load_scenario
 from studies.run_cell import recorded as _recorded
 from studies.runner.catalogue import find_study as _find_study
 from studies.runner.plugins import refresh as _refresh

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from alloc.files import write_whole
 from paper_figs.style import Drawing
 from studies import StudyError
-from studies.files.toml_keys import near
+from studies.files.toml_keys import suggest_name
 
 MODULES = (
     "model", "event", "sharing", "solvers",
@@ -34,10 +34,10 @@ def chosen_figures(names: Sequence[str], source: str | None) -> dict[str, Drawin
     known = all_figures()
     for name in names:
         if name not in known:
-            raise StudyError(f"unknown figure {name!r}{near(name, known)}")
+            raise StudyError(f"unknown figure {name!r}{suggest_name(name, known)}")
     sources = sorted({one.source for one in known.values() if one.source})
     if source is not None and source not in sources:
-        raise StudyError(f"unknown source {source!r}{near(source, sources)}")
+        raise StudyError(f"unknown source {source!r}{suggest_name(source, sources)}")
     return {
         name: one
         for name, one in known.items()

@@ -25,7 +25,7 @@ from alloc.plant.rows import rows_of
 from alloc.rules import RULES
 from alloc.run.event import Event
 from paper_figs.style import NARROW, WIDE, Drawing
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 from studies.run_cell import recorded
 
 OFFERED, DARK, MOTOR_CAR = "#c6dcef", "#444444", "#dfe7ee"
@@ -131,7 +131,7 @@ def allocation_bars() -> Figure:
     drawn = Figure(figsize=(WIDE, 1.9), layout="constrained")
     panels = drawn.subplots(1, len(COMPARED), sharey=True)
     for axes, rule in zip(panels, COMPARED, strict=True):
-        run = recorded(load("wet-patch"), rule, "perturb-observe", 0)
+        run = recorded(load_scenario("wet-patch"), rule, "perturb-observe", 0)
         at = run.sel(time=slice(INSTANT - 0.25, INSTANT + 0.25))
         each = np.array([use_of(at, [unit]).mean(axis=1) for unit in range(run.sizes["unit"])])
         plan = float(at["plan"].mean())
@@ -161,7 +161,7 @@ def adhesion_drop() -> Figure:
     panels = drawn.subplot_mosaic("aac\nbbc")
     force, slip, path = (panels[name] for name in "abc")
     force.sharex(slip)
-    event, across = load("falling-adhesion"), np.linspace(0.0, 0.3, 200)
+    event, across = load_scenario("falling-adhesion"), np.linspace(0.0, 0.3, 200)
     for name in ("cut-and-ramp", "pi-creep", "perturb-observe"):
         run = recorded(event, "alone", name, 0).sel(time=slice(5.0, 10.0))
         axle = run.isel(axle=int(np.argmax(run["axle_unit"].values == 0)))
@@ -190,7 +190,7 @@ FRAMES, RATE, BEFORE = 80, 9, 1.5
 
 def film(path: Path, name: str = "wet-patch", rule: str = "cooperative") -> None:
     """Write an event under `rule` and cut-and-ramp as a GIF: train and rail, each unit, and all units over time."""
-    run, event = recorded(load(name), rule, "cut-and-ramp", 0), load(name).event()
+    run, event = recorded(load_scenario(name), rule, "cut-and-ramp", 0), load_scenario(name).event()
     time, slip = run["time"].values, np.abs(run["slip_velocity"].values)
     worst, units = slip.max(axis=1), range(run.sizes["unit"])
     first = np.searchsorted(time, time[np.argmax(worst > 0.5 * worst.max())] - BEFORE)
@@ -247,7 +247,9 @@ def _train(axes: Axes, event: Event, run: xr.Dataset, k: int, worst: float) -> N
 def slip_event() -> Figure:
     """The README's event without and with sharing."""
     rules = ("alone", "cooperative")
-    return course(*(recorded(load("wet-patch"), rule, "cut-and-ramp", 0) for rule in rules))
+    return course(
+        *(recorded(load_scenario("wet-patch"), rule, "cut-and-ramp", 0) for rule in rules)
+    )
 
 
 FIGURES = {

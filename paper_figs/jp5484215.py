@@ -14,7 +14,7 @@ from alloc.plant.rail import GROWTH_SLOPE, logarithmic_increments
 from alloc.rules import RULES, AllocationProblem
 from paper_figs.sharing import of_study
 from paper_figs.style import NARROW, WIDE, Drawing
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 from studies.learning import SIGMA, axle_shifts, drawn_counts, fit, planned, unit_increments
 from studies.run_cell import recorded
 
@@ -24,7 +24,7 @@ BLUE, RED, DARK = "#0072b2", "#d55e00", "#444444"
 
 def detection() -> Figure:
     """Fig. 5: the signal of the foremost unit in the event wet-patch, by its thresholds."""
-    event = load("wet-patch")
+    event = load_scenario("wet-patch")
     detector = event.event().onboard.detector
     run = recorded(event, "greedy", "cut-and-ramp", 0).isel(unit=0)
     first = float(run["time"][int(np.argmax(run["slipping"].values > 0))])
@@ -176,7 +176,7 @@ def increments() -> Figure:
 
 def brake_forces() -> Figure:
     """Fig. 16: what the foremost unit is asked for in the blended stop, and what each of its brakes does; at the rims."""
-    run = recorded(load("wet-stop"), "greedy-literal", "cut-and-ramp", 0)
+    run = recorded(load_scenario("wet-stop"), "greedy-literal", "cut-and-ramp", 0)
     time, own = run["time"].values, run["axle_unit"].values == 0
     load_of_unit = float(run["unit_static_load"][0]) / 1e3
     turning = run["axle_turning_mass"].values[own].sum() / 1e3

@@ -19,7 +19,8 @@ from alloc.plant.train import Train
 from alloc.rules import RULES
 from studies import claims
 from studies.claims import CONTROLLERS, CORRECTED, LAYERS
-from studies.files.scenario import Scenario, load
+from studies.files.scenario import Scenario
+from studies.files.scenario_files import load_scenario
 from studies.population import draws as e
 from studies.run_cell import complete, paired, run
 from studies.runner.study import NARROW, Cell, Study
@@ -118,7 +119,9 @@ def draw(seed: int, k: int) -> e.Keys:
 @cache
 def train_of(name: str) -> Train:
     """Empty."""
-    return load("wet-stop").changed(variation=None, **DRAWN_TRAINS[name].keys).event().train
+    return (
+        load_scenario("wet-stop").changed(variation=None, **DRAWN_TRAINS[name].keys).event().train
+    )
 
 
 def event(seed: int, k: int) -> Scenario:
@@ -141,7 +144,7 @@ def event(seed: int, k: int) -> Scenario:
     factors = ("mass_factor", "resistance_factor")
     believed = {"curve": {"kind": CURVES[0]}, "increments": _grown(asked / GRAVITY, train)}
     return e.drawn(
-        load("wet-stop"),
+        load_scenario("wet-stop"),
         f"blended-{seed}-{k:04d}",
         f"drawn stop {k}: {d['train']}, {d['curve']}",
         duration_s=DURATION,

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 
 from alloc.evaluation.recorded_run import series
 from alloc.rules import RULES
-from studies.files.scenario import Scenario, load
+from studies.files.scenario import Scenario
+from studies.files.scenario_files import load_scenario
 from studies.population import draws as e
 from studies.run_cell import Measure, cell, complete, paired, run
 from studies.runner.study import WIDE, Cell, Row, Study
@@ -108,7 +109,7 @@ def event(seed: int, k: int) -> Scenario:
         "patches": e.patch(d),
     }
     return e.drawn(
-        load("wet-start"),
+        load_scenario("wet-start"),
         f"random-{seed}-{k:04d}",
         f"random event {k}",
         duration_s=DURATION,

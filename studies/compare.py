@@ -12,7 +12,8 @@ from alloc.evaluation.metrics import METRICS
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from studies import StudyError
-from studies.files.scenario import Scenario, default_scenarios
+from studies.files.scenario import Scenario
+from studies.files.scenario_files import default_scenarios
 from studies.run_cell import cell, run
 from studies.runner.study import WIDE, Cell, Row, Study
 from studies.statistics import Interval, forest, mean

@@ -16,7 +16,8 @@ from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.run.simulation import Simulation
 from studies import StudyError
-from studies.files.scenario import Scenario, load
+from studies.files.scenario import Scenario
+from studies.files.scenario_files import load_scenario
 
 Floats = NDArray[np.float64]
 TORQUES = ("motor_torque", "torque_target", "drive_limit", "brake_limit")
@@ -54,7 +55,7 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
 
         Raises `StudyError` for a unit that the train does not have, `InputError` for an unknown controller or rule.
         """
-        self.scenario = load(scenario) if isinstance(scenario, str) else scenario
+        self.scenario = load_scenario(scenario) if isinstance(scenario, str) else scenario
         world = self.scenario.event().world()
         axles = world.units.last - world.units.first
         chosen = np.ravel(np.arange(axles.size) if units is None else units)

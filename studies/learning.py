@@ -26,7 +26,8 @@ from alloc.rules import RULES
 from alloc.run.event import Event
 from alloc.run.simulation import simulate
 from studies import StudyError
-from studies.files.scenario import Scenario, load
+from studies.files.scenario import Scenario
+from studies.files.scenario_files import load_scenario
 from studies.runner.study import WIDE, Cell, Row, Study
 from studies.statistics import Claim, Numbers, Statement, judge, means
 
@@ -223,7 +224,7 @@ def run(base: Scenario, kind: Kind, arm: str, event: int, seed: int, stations: i
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Every event on each kind of rail and with each kind of stored increments, in every arm."""
-    base, found = load("wet-start"), []
+    base, found = load_scenario("wet-start"), []
     for event, kind, arm in product(range(events), KINDS, ARMS):
         columns = {"rail": kind[0], "at_first": kind[1], "arm": arm, "event": event}
         name = f"{kind[0]}/{kind[1]}/{arm}/{event}"

@@ -7,7 +7,7 @@ import pytest
 
 from alloc.rules import RULES, AllocationProblem
 from alloc.run.simulation import simulate
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 
 READINGS = {"greedy": "description", "greedy-claim": "claim"}
 GROWTH = np.array([0.0, 0.010, 0.016, 0.021, 0.024, 0.027, 0.029, 0.031])
@@ -44,7 +44,7 @@ def test_rules_answer_by_the_charts_and_motors_cut_their_answer(rule):
 
 @pytest.mark.parametrize("rule", READINGS)
 def test_the_leader_goes_through_the_charts_at_its_slips_and_lifts_limits_a_set_time_later(rule):
-    start = load("wet-start")
+    start = load_scenario("wet-start")
     rail = start.rail.model_dump() | {"patches": [{"factor": 1.5, "begin_s": 3.0}]}
     command = [{"time_s": t, "acceleration_kmhs": a} for t, a in ((0.0, 3.0), (2.5, 2.9))]
     keys = {"duration_s": 7.0, "rail": rail, "onboard": {"hold_time_s": 2.0}}

@@ -16,7 +16,7 @@ from alloc.plant.columns import CAR, CYLINDER, DRIVE, PLANT, WHEELSET
 from alloc.run import wire
 from alloc.run.simulation import Simulation
 from alloc.schema.tables import words
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 
 H = 0.01
 COMPILED = {
@@ -235,7 +235,7 @@ def test_a_wheel_that_contradicts_the_speed_is_believed_and_the_force_doubted(si
 
 @pytest.mark.parametrize("level", [0.08, 0.5])
 def test_a_locomotive_is_eased_where_all_its_wheels_creep_and_knows_its_speed(level):
-    scenario = load("freight-start")
+    scenario = load_scenario("freight-start")
     rail = scenario.rail.model_dump(mode="json") | {"level": level, "patches": []}
     run = Simulation(
         scenario.changed(rail=rail, duration_s=8.0).event(), "alone", "perturb-observe"

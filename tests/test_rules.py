@@ -19,7 +19,7 @@ from alloc.rules.problem import Allocation, allocated
 from alloc.rules.qp import Workspace
 from alloc.run.simulation import simulate
 from alloc.schema.errors import AllocationError, SimulationError
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 from tests.cases import looped
 
 PLAN = 0.170
@@ -397,11 +397,13 @@ def late(units, run):
 
 def test_a_limit_that_becomes_no_number_is_named():
     with pytest.raises(SimulationError, match=r"^rule 'l' of .*: fault in line \d+: limit\[0\] is nan at 1"):  # fmt: skip
-        simulate(load("wet-patch").event(), Rule("l", "", late, "delivered always"), "none")
+        simulate(
+            load_scenario("wet-patch").event(), Rule("l", "", late, "delivered always"), "none"
+        )
 
 
 def test_a_law_may_leave_its_case_to_the_loop():
-    own, event = Rule("own", "", the_plan), load("wet-patch").event()
+    own, event = Rule("own", "", the_plan), load_scenario("wet-patch").event()
     runs = [simulate(event, rule, "perturb-observe") for rule in ("alone", own)]
     assert set(runs[0]["case"].values) == {0, 1, 2}
     assert np.array_equal(runs[0]["case"], runs[1]["case"])

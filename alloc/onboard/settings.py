@@ -59,7 +59,7 @@ class Detector(OnboardParameters):
 
     def _faults(self) -> Iterator[str]:
         if not self.off < self.on:
-            yield f"off = {self.off!r} must be below on = {self.on!r}"
+            yield "`off` must be below `on`"
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Dropout(OnboardParameters):
 
     def _faults(self) -> Iterator[str]:
         if not self.begin < self.until:
-            yield f"begin = {self.begin!r} must lie before until = {self.until!r}"
+            yield "`begin` must lie before `until`"
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class Threshold(OnboardParameters):
 
     def _faults(self) -> Iterator[str]:
         if self.hold > self.release:
-            yield f"hold = {self.hold!r} must not exceed release = {self.release!r}"
+            yield "`hold` must not exceed `release`"
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ class Fuzzy(OnboardParameters):
         for name in ("slip", "rate"):
             knots = getattr(self, name)
             if len(knots) != 3 or any(b <= a for a, b in pairwise(knots)):
-                yield f"{name} = {knots} must be three growing numbers"
+                yield f"`{name}` must be three growing numbers"
 
 
 @dataclass(frozen=True)
@@ -301,8 +301,7 @@ class Onboard(OnboardParameters):
 
     def _faults(self) -> Iterator[str]:
         if self.telegrams.period < self.period:
-            told = f"telegrams.period = {self.telegrams.period!r}"
-            yield f"period = {self.period!r} must not exceed {told}"
+            yield "`period` must not exceed `telegrams.period`"
 
     def with_settings(self, settings: Mapping[str, Any]) -> "Onboard":
         """The same equipment except for `settings`: values by the path of their fields, as "detector.pole".

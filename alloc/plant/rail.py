@@ -72,9 +72,8 @@ class Patch(PlantParameters):
 
     def _faults(self) -> Iterator[str]:
         for low, high in (("start", "end"), ("begin", "until")):
-            a, b = getattr(self, low), getattr(self, high)
-            if not a < b:
-                yield f"{low} = {a!r} must lie before {high} = {b!r}"
+            if not getattr(self, low) < getattr(self, high):
+                yield f"`{low}` must lie before `{high}`"
 
 
 PATCH = Table("patch", **columns_of(Patch))
@@ -128,17 +127,17 @@ class Rail(PlantParameters):
 
     def _faults(self) -> Iterator[str]:
         if self.speed_law == "none" and self.level > MOST_LEVEL:
-            yield f"level = {self.level!r} must be a coefficient, at most {MOST_LEVEL:g}: 14 % is 0.14"
+            yield f"`level` must be a coefficient, at most {MOST_LEVEL:g}: 14 % is 0.14"
         if isinstance(self.speed_law, str) and self.speed_law not in SPEED_LAWS:
-            yield f"speed_law = {self.speed_law!r} is unknown; choose from {', '.join(SPEED_LAWS)}"
+            yield f"`speed_law` is unknown; choose from {', '.join(SPEED_LAWS)}"
         for name in ("speed_law", "rear_speed_law"):
             law = getattr(self, name)
             own = law is not None and not isinstance(law, str)
             if own and not (len(law) == 3 and all(map(math.isfinite, law)) and law[1] > 0.0):
-                yield f"{name} = {law} must be three finite numbers, the offset > 0"
+                yield f"`{name}` must be three finite numbers, the offset > 0"
         (_, offset, _), (_, rear_offset, _) = self._laws()
         if rear_offset != offset:
-            yield f"rear_speed_law = {self.rear_speed_law} must have the offset {offset} of speed_law"
+            yield f"`rear_speed_law` must have the offset {offset} of speed_law"
         if self.conditioning and self.recovered_coefficient:
             yield "conditioning and recovered_coefficient are two laws of what wheels clean; give one of them"
 
@@ -226,7 +225,7 @@ class Line(PlantParameters):
         if len(self.stations) != len(self.grades) or not self.stations:
             yield f"{len(self.stations)} stations and {len(self.grades)} grades; give as many of each"
         if any(b < a for a, b in pairwise(self.stations)):
-            yield f"stations = {self.stations} must not fall"
+            yield "`stations` must not fall"
         for start, end in self.tunnels:
             if not start < end:
                 yield f"tunnel from {start} to {end} m must end beyond its start"

@@ -151,11 +151,11 @@ class AirBrake(PlantParameters):
 
     def _faults(self) -> Iterator[str]:
         if len(self.friction) != 3 or self.friction[1] == 0.0:
-            yield f"friction = {self.friction} must be three numbers, the offset > 0"
+            yield "`friction` must be three numbers, the offset > 0"
         if not all(isinstance(bogie, int) and bogie >= 0 for bogie in self.cut_out):
-            yield f"cut_out = {self.cut_out} must be numbers of bogies, 0 = foremost"
+            yield "`cut_out` must be numbers of bogies, 0 = foremost"
         if not self.friction_factor > 0.0:
-            yield f"friction_factor = {self.friction_factor} must exceed 0"
+            yield "`friction_factor` must exceed 0"
 
 
 @dataclass(frozen=True)
@@ -207,21 +207,21 @@ class Car(PlantParameters):
             if len(given) != n:
                 yield f"{name} has {len(given)} entries for {n} axles"
         if any(b <= a for a, b in itertools.pairwise(positions)):
-            yield f"axle_positions = {positions} must grow from the front"
+            yield "`axle_positions` must grow from the front"
         if positions[-1] > self.length:
-            yield f"axle_positions = {positions} leave the car's {self.length} m"
+            yield f"`axle_positions` leave the car's {self.length} m"
         if bogies[0] != 0 or any(b - a not in (0, 1) for a, b in itertools.pairwise(bogies)):
-            yield f"bogie_of_axle = {bogies} must count 0, 1, ... from the front"
+            yield "`bogie_of_axle` must count 0, 1, ... from the front"
         if any(self.powered) and self.motors is None:
             yield "has driven axles but no motors"
         if any(self.powered) and not self.speed_sensors:
             yield "has driven axles but no speed_sensors; motors need them"
         cut_out = () if self.air_brake is None else self.air_brake.cut_out
         if any(bogie > bogies[-1] for bogie in cut_out):
-            yield f"cut_out = {cut_out}, but its bogies are 0 to {bogies[-1]}"
+            yield f"`air_brake.cut_out`, but its bogies are 0 to {bogies[-1]}"
         share = self.axle_load_share
         if share is not None and (len(share) != n or sum(share) > 1.0 + 1e-9):
-            yield f"axle_load_share = {share} must be {n} values > 0 with a sum of 1 at most"
+            yield f"`axle_load_share` must be {n} values > 0 with a sum of 1 at most"
 
     @property
     def loaded_mass(self) -> float:
@@ -348,7 +348,7 @@ class Train(PlantParameters):
         if self.axle_count > MOST_AXLES:
             yield f"has {self.axle_count} axles; give {MOST_AXLES} at most"
         if len(self.resistance) != 3:
-            yield f"resistance = {self.resistance} must be three numbers"
+            yield "`resistance` must be three numbers"
         if self.couplers is not None and len(self.couplers) != len(self.cars) - 1:
             told = f"{len(self.couplers)} couplers for {len(self.cars)} cars"
             yield f"{told}; give {len(self.cars) - 1}, or none for a rigid train"

@@ -46,7 +46,7 @@ class DriverCommand(Parameters):
         if n != m or not n:
             yield f"{n} times and {m} accelerations; give as many of each, at least one"
         if any(b <= a for a, b in pairwise(self.times)):
-            yield f"times = {self.times} must grow"
+            yield "`times` must grow"
 
     def sampled(self, instants: NDArray[np.float64]) -> NDArray[np.float64]:
         """Command at `instants` [s]."""
@@ -87,21 +87,20 @@ class Event(Parameters):
     def _faults(self) -> Iterator[str]:
         period = self.onboard.period
         if self.ticks < 1:
-            yield f"duration = {self.duration!r} must not be below the control period {period!r}"
+            yield f"`duration` must not be below the control period {period!r}"
         if self.record_period > self.duration:
-            told = f"duration = {self.duration!r}"
-            yield f"record_period = {self.record_period!r} must not exceed {told}"
+            yield "`record_period` must not exceed `duration`"
         yield from self.size_faults(min(self.step, period))
         if self.ticks * self.train.axle_count > MOST_AXLE_RECORDS:
             told = f"{self.ticks} instants of {self.train.axle_count} axles exceed {MOST_AXLE_RECORDS:g}"
-            yield f"duration = {self.duration!r} is too long: {told}"
+            yield f"`duration` is too long: {told}"
 
     def size_faults(self, step: float) -> Iterator[str]:
         """Why the event is too long with integration steps of `step` [s]."""
         steps, axles = self.duration / step, self.train.axle_count
         if not steps * axles <= MOST_AXLE_STEPS:
             told = f"{steps:.2g} steps of {step:.2g} s of {axles} axles exceed {MOST_AXLE_STEPS:g}"
-            yield f"duration = {self.duration!r} is too long: {told}; choose a shorter one, or a longer step"
+            yield f"`duration` is too long: {told}; choose a shorter one, or a longer step"
 
     def __repr__(self) -> str:
         start = f"{self.duration:g} s from {3.6 * self.initial_speed:g} km/h"

@@ -18,7 +18,7 @@ from alloc.plant.columns import PATCH, PLANT
 from alloc.plant.dynamics import find_rates
 from alloc.plant.rows import PlantRows, planned_coefficients, rows_of
 from alloc.plant.train import Train
-from alloc.schema.errors import OnboardError, PlantError, SimulationError
+from alloc.schema.errors import OnboardError, PlantError
 from alloc.schema.tables import Rows, put
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def world_of(event: "Event") -> World:
     peak = rail.greatest_peak()
     shortest = find_rates(wheelsets, cars, drives, cylinders, curve, peak, plant[0])
     for fault in event.size_faults(shortest):
-        raise SimulationError(f"event: {fault}")
+        raise event.make_error(fault)
     wheelsets.axle_load = load
     wheelsets.cell = np.floor((start + wheelsets.offset) / plant.cleaning_spacing[0])
     watched = int(units.axles.min(initial=4))

@@ -9,14 +9,18 @@ from difflib import get_close_matches
 from inspect import unwrap
 from pathlib import Path
 from traceback import walk_tb
-from typing import Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from alloc.schema.parameters import Fault
 
 
 class InputError(ValueError):
     """The input is impossible; the message names it and says what to do."""
 
-    fault: str = ""
-    """The message of a record without the name of the record."""
+    fault: "Fault | None" = None
+    """What a record finds wrong with itself."""
     part, misspelt = "", False
     """What the message is `blamed_on`; whether its code has a name that does not exist, or cannot be compiled."""
 
@@ -47,8 +51,10 @@ class UnsoundRun(ArithmeticError):
 
 NOT_USERS = (
     *(str(Path(__file__).parents[2] / name) + os.sep for name in ("alloc", "mpc", "studies")),
-    str(Path(os.__file__).parent), "<frozen", "<string>",
-)  # fmt: skip
+    str(Path(os.__file__).parent),
+    "<frozen",
+    "<string>",
+)
 """How names of files begin that are this project's, or Python's and its libraries'."""
 
 
@@ -67,12 +73,12 @@ def blamed_on(part: str, function: Any = None) -> Iterator[None]:
         plain = unwrap(getattr(function, "func", function))
         code = getattr(plain, "__code__", None) or getattr(type(plain).__call__, "__code__", None)
         start = [(code.co_filename, code.co_firstlineno)] if code else []
-        traces = getattr(error.__context__, "__traceback__", None), error.__traceback__
-        before, frames = ([(one.f_code.co_filename, at) for one, at in walk_tb(x)] for x in traces)
+        before = _walk_lines(getattr(error.__context__, "__traceback__", None))
+        frames = _walk_lines(error.__traceback__)
         places = [*before, *start, *frames]
         compiles = any(f"{os.sep}numba{os.sep}" in path for path, _ in frames)
-        own = [at for at in places if not at[0].startswith(NOT_USERS) and "-packages" not in at[0]]
-        file, line = own[-1] if own else ("", 0)
+        users = [at for at in places if not (at[0].startswith(NOT_USERS) or "-packages" in at[0])]
+        file, line = users[-1] if users else ("", 0)
         text, missing = " ".join(str(error).split()) or "no message", None
         if "NoneType" not in text and (compiles or isinstance(error, NameError | AttributeError)):
             missing = re.search(r"(?:attribute|name) '?(\w+)|^'(\w+)'$", text)
@@ -80,21 +86,29 @@ def blamed_on(part: str, function: Any = None) -> Iterator[None]:
             from alloc.onboard.columns import AXLE, RUN, UNIT
 
             name, lines = missing[1] or missing[2], linecache.getlines(file)
-            searched = (
-                [*range(line, len(lines) + 1), *range(1, line)] if own[-1:] == start != [] else []
-            )
-            line = next((k for k in searched if re.search(rf"\b{name}\b", lines[k - 1])), line)
-            known = {*dir(getattr(error, "obj", None)), *re.findall(r"\w+", "".join(lines))}
-            known.update(*(table.columns for table in (AXLE, RUN, UNIT)))
-            nearest = get_close_matches(name, known - {name}, 1, 0.7)
+            if start and users[-1:] == start:  # where the function begins: the name is below
+                searched = (*range(line, len(lines) + 1), *range(1, line))
+                named_in = (k for k in searched if re.search(rf"\b{name}\b", lines[k - 1]))
+                line = next(named_in, line)
+            names = {*dir(getattr(error, "obj", None)), *re.findall(r"\w+", "".join(lines))}
+            names.update(*(table.columns for table in (AXLE, RUN, UNIT)))
+            nearest = get_close_matches(name, names - {name}, 1, 0.7)
             text += f"; did you mean {nearest[0]!r}?" if nearest else ""
         elif compiles:
             text = f"{text:.300}; without the decorator Python serves it"
         kind: Any = type(error) if isinstance(error, InputError) else InputError
-        what = "fault" if kind is type(error) else type(error).__name__
-        place = f" of {file}" * (file not in part) + f": {what} in line {line}" if own else ""
-        text = f"{what}: {text}" if not own and kind is not type(error) else text
+        fault = "fault" if kind is type(error) else type(error).__name__
+        place = f": {fault} in line {line}" if users else ""
+        if users and file not in part:
+            place = f" of {file}{place}"
+        if not users and kind is not type(error):
+            text = f"{fault}: {text}"
         named = kind(f"{part}{place}: {text}")
-        named.fault, named.part = getattr(error, "fault", ""), part
+        named.fault, named.part = getattr(error, "fault", None), part
         named.misspelt = compiles or missing is not None
         raise named from error
+
+
+def _walk_lines(trace: TracebackType | None) -> list[tuple[str, int]]:
+    """File and line of each frame of a traceback, the innermost last."""
+    return [(frame.f_code.co_filename, line) for frame, line in walk_tb(trace)]

@@ -7,13 +7,14 @@ pages say of them from the docstring below each.
 import ast
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache
 from inspect import getfile
-from itertools import pairwise
+from itertools import chain, pairwise
 from linecache import getlines
 from numbers import Real
+from operator import attrgetter
 from typing import Any, ClassVar, Literal, NamedTuple, get_args, get_origin
 
 from alloc.schema.errors import InputError, PlantError
@@ -30,35 +31,55 @@ class Bounds(NamedTuple):
     most: float = math.inf
     infinite: bool = False
 
-    def fault(self, value: Any) -> str | None:
+    def find_fault(self, value: Any) -> str | None:
         """What `value` must be; None where it lies within."""
         real = isinstance(value, Real) and not isinstance(value, bool)
         number = float(value) if real else math.nan
         finite = self.infinite or math.isfinite(number)
         if finite and self.above < number <= self.most and self.least <= number:
             return None
-        said = "must be a number" if self.infinite else "must be a finite number"
+        reason = "must be a number" if self.infinite else "must be a finite number"
         if self.above > -math.inf:
-            said += f", greater than {self.above:g}"
+            reason += f", greater than {self.above:g}"
         elif self.least > -math.inf:
-            said += f", {self.least:g} or greater"
-        return said + (f", {self.most:g} at most" if self.most < math.inf else "")
+            reason += f", {self.least:g} or greater"
+        return reason + (f", {self.most:g} at most" if self.most < math.inf else "")
 
 
 ANY = Bounds()
 """Of a number that declares none: finite."""
 
 
+class Fault(NamedTuple):
+    """What is wrong with a record. A message states its fields, a file the keys that feed them."""
+
+    record: Any
+    reason: str
+    """A sentence in which a field of the record, or of a record within, stands in backticks: "`off` must be below `on`"."""
+
+    def word(self, state: Callable[[str, Any], str]) -> str:
+        """The reason with what `state` makes of each field and its value."""
+
+        def state_field(mark: re.Match[str]) -> str:
+            value = attrgetter(mark[1])(self.record)
+            return state(mark[0][1:-1], value[int(mark[2])] if mark[2] else value)
+
+        return re.sub(r"`([\w.]+)(?:\[(\d+)\])?`", state_field, self.reason)
+
+    def __str__(self) -> str:
+        return self.word("{} = {!r}".format)
+
+
 def quantity(
-    default: Any, unit: str, *, least: float = 0.0, later: bool = False, **others: Any
+    default: Any, unit: str, *, least: float = 0.0, later: bool = False, **bounds: Any
 ) -> Any:
     """A number of a record, or several, kept in SI units as its `Bounds` are; MISSING as `default`: there is none.
 
     `unit`: that of the key in files, "1" for a pure number. `later`: it came after hashes of events were stored, so
     it counts in a hash where it is not its default.
     """
-    bounds = Bounds(least=least, **others)
-    return field(default=default, metadata={"unit": unit, "bounds": bounds, "later": later})
+    metadata = {"unit": unit, "bounds": Bounds(least=least, **bounds), "later": later}
+    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True)
@@ -71,11 +92,15 @@ class Parameters:
     error: ClassVar[type[InputError]] = InputError
 
     def __post_init__(self) -> None:
-        for found in (declared_faults(self), self._faults()):
-            for fault in found:
-                told = self.error(f"{self.owner}: {fault}")
-                told.fault = fault
-                raise told
+        for reason in chain(declared_faults(self), self._faults()):
+            raise self.make_error(reason)
+
+    def make_error(self, reason: str) -> InputError:
+        """The error of a `Fault` of this record."""
+        fault = Fault(self, reason)
+        error = self.error(f"{self.owner}: {fault}")
+        error.fault = fault
+        return error
 
     @property
     def owner(self) -> str:
@@ -83,7 +108,7 @@ class Parameters:
         return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(self).__name__).lower()
 
     def _faults(self) -> Iterator[str]:
-        """What does not fit together, the declared bounds being kept; each is looked for where there is none before it."""
+        """Reasons of faults where values do not fit together; the declared bounds are kept, and no reason came before."""
         yield from ()
 
 
@@ -94,26 +119,27 @@ class PlantParameters(Parameters):
 
 
 def declared_faults(record: Any) -> Iterator[str]:
-    """What is wrong with single fields of a record by their declarations, in words that name the field."""
+    """Reasons of faults of single fields of a record, by their declarations."""
     for item in fields(record):
         value, kinds = getattr(record, item.name), (item.type, *get_args(item.type))
         if value is None and type(None) in kinds:
             continue
-        choices = [one for kind in kinds if get_origin(kind) is Literal for one in get_args(kind)]
+        literals = [kind for kind in kinds if get_origin(kind) is Literal]
+        choices = [choice for literal in literals for choice in get_args(literal)]
         if choices and value not in choices:
-            yield f"{item.name} = {value!r} must be one of {', '.join(choices)}"
+            yield f"`{item.name}` must be one of {', '.join(choices)}"
         if item.type is bool and not isinstance(value, bool):
-            yield f"{item.name} = {value!r} must be true or false"
+            yield f"`{item.name}` must be true or false"
         bounds = item.metadata.get("bounds", ANY if item.type in (float, int) else None)
-        if bounds is None or isinstance(value, str):
+        if bounds is None:
             continue
-        several = isinstance(value, tuple)
-        for k, one in enumerate(value if several else (value,)):
-            fault = bounds.fault(one)
-            if item.type is int and not isinstance(one, int):
+        is_tuple = isinstance(value, tuple)
+        for k, number in enumerate(value if is_tuple else (value,)):
+            fault = bounds.find_fault(number)
+            if item.type is int and not isinstance(number, int):
                 fault = "must be a whole number"
             if fault:
-                yield f"{item.name}{f'[{k}]' if several else ''} = {one!r} {fault}"
+                yield f"`{item.name}{f'[{k}]' if is_tuple else ''}` {fault}"
 
 
 # The meaning of a field or a key: the docstring below it. At its end "Left out:" says what applies without the key,
@@ -133,44 +159,45 @@ class Meaning(NamedTuple):
     def with_names(self, names: Mapping[str, str]) -> "Meaning":
         """The same with other names for what stands in backticks."""
 
-        def renamed(text: str) -> str:
-            return re.sub(r"`(\w+)`", lambda found: f"`{names.get(found[1], found[1])}`", text)
+        def rename_fields(text: str) -> str:
+            return re.sub(r"`(\w+)`", lambda mark: f"`{names.get(mark[1], mark[1])}`", text)
 
-        return self._replace(text=renamed(self.text), left_out=renamed(self.left_out))
+        return self._replace(text=rename_fields(self.text), left_out=rename_fields(self.left_out))
 
 
 @cache
-def _classes(file: str) -> dict[str, ast.ClassDef]:
+def _read_classes(file: str) -> dict[str, ast.ClassDef]:
     """The classes of a file, which is read once; `inspect.getsource` reads it for each of them."""
     nodes = ast.walk(ast.parse("".join(getlines(file))))
-    return {one.name: one for one in nodes if isinstance(one, ast.ClassDef)}
+    return {node.name: node for node in nodes if isinstance(node, ast.ClassDef)}
 
 
 @cache
 def meanings(kind: type) -> dict[str, Meaning]:
     """Meaning of every field of a class, its bases' included. The source is the field's own, else that of its class."""
-    found: dict[str, Meaning] = {}
+    by_field: dict[str, Meaning] = {}
     for base in reversed(kind.__mro__):
         if base.__module__ in ("builtins", "pydantic.main"):
             continue
-        of_class = meant(base.__dict__.get("__doc__") or "").source
+        of_class = parse_meaning(base.__dict__.get("__doc__") or "").source
         try:
-            stated = _classes(getfile(base)).get(base.__name__)
+            source = _read_classes(getfile(base)).get(base.__name__)
         except (TypeError, OSError):  # it has no source
             continue
-        for one, said in pairwise(stated.body if stated else ()):  # a field, and the string below
+        for item, below in pairwise(source.body if source else ()):
             if (
-                isinstance(one, ast.AnnAssign)
-                and isinstance(said, ast.Expr)
-                and isinstance(said.value, ast.Constant)
+                isinstance(item, ast.AnnAssign)
+                and isinstance(below, ast.Expr)
+                and isinstance(below.value, ast.Constant)
             ):
-                meaning = meant(str(said.value.value))
-                found[one.target.id] = meaning._replace(source=meaning.source or of_class)  # type: ignore[union-attr]
-    return found
+                meaning = parse_meaning(str(below.value.value))
+                name = item.target.id  # type: ignore[union-attr]
+                by_field[name] = meaning._replace(source=meaning.source or of_class)
+    return by_field
 
 
-def meant(docstring: str) -> Meaning:
+def parse_meaning(docstring: str) -> Meaning:
     """Content of a docstring: its text, and the marked parts."""
     text, *parts = PARTS.split(" ".join(docstring.split()))
-    said = {mark: part.strip() for mark, part in zip(parts[::2], parts[1::2], strict=True)}
-    return Meaning(text.strip(), said.get("Left out", ""), said.get("Source", ""))
+    marked = {mark: part.strip() for mark, part in zip(parts[::2], parts[1::2], strict=True)}
+    return Meaning(text.strip(), marked.get("Left out", ""), marked.get("Source", ""))

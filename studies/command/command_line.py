@@ -79,14 +79,17 @@ def compare(
         seeds: Number of seeds of every event; the first, 0, is the event as its file says [default: 5].
     """
     from studies import compare as comparison
-    from studies.files.scenario import load, remarks
+    from studies.files.scenario import find_remarks
+    from studies.files.scenario_files import load_scenario
     from studies.runner.plugins import try_own_parts
 
-    chosen = comparison.grid([load(name) for name in scenario or ()], rules, controllers, seeds)
+    chosen = comparison.grid(
+        [load_scenario(name) for name in scenario or ()], rules, controllers, seeds
+    )
     folder = work.out / "compare"
     if not work.dry_run:
         for one in chosen.scenarios:
-            _say(*remarks(one.event()))
+            _say(*find_remarks(one.event()))
         try_own_parts(chosen.rules, chosen.controllers)
     made = _made(comparison.study_of(chosen), folder, work)
     if made is None:
@@ -130,18 +133,19 @@ def simulate(
     from alloc.onboard.controllers import CONTROLLERS
     from alloc.rules import RULES
     from alloc.run.recording import save
-    from studies.files.scenario import DRAWN, load, remarks
+    from studies.files.scenario import DRAWN, find_remarks
+    from studies.files.scenario_files import load_scenario
     from studies.run_cell import recorded
     from studies.runner.plugins import try_own_parts
 
-    event = load(scenario)
+    event = load_scenario(scenario)
     seed = event.first_seed if seed is None else seed
     RULES.find(rule)
     CONTROLLERS.find(controller)
     check_file(out, ".nc", ".mat")
     check_file(figure, ".pdf", ".png", ".svg")
     if DRAWN.fullmatch(event.name) is None:
-        _say(*remarks(event.event(seed)))
+        _say(*find_remarks(event.event(seed)))
     elif seed != event.first_seed:
         _say(
             f"seed {seed} draws other errors than the rows of {event.name}, which have seed {event.first_seed}"
@@ -344,13 +348,13 @@ def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
         as_json: Print JSON instead.
     """
     import paper_figs
-    from studies.files.toml_keys import near
+    from studies.files.toml_keys import suggest_name
     from studies.runner.catalogue import KINDS
 
     figures = paper_figs.all_figures
     kinds = KINDS | {"figures": lambda: {name: one.caption for name, one in figures().items()}}
     if kind not in (None, *kinds):
-        raise StudyError(f"unknown kind {kind!r}{near(str(kind), kinds)}")
+        raise StudyError(f"unknown kind {kind!r}{suggest_name(str(kind), kinds)}")
     found = {name: names() for name, names in kinds.items() if kind in (None, name)}
     if as_json:
         _print_json(found)
@@ -417,9 +421,9 @@ def schema(kind: Literal["scenario", "train"] = "scenario", *, out: Path | None 
         out: File to write instead.
     """
     from alloc.files import write_whole
-    from studies.files import scenario
+    from studies.files.scenario_files import json_schema
 
-    text = json.dumps(scenario.schema(kind), indent=1, allow_nan=False) + "\n"
+    text = json.dumps(json_schema(kind), indent=1, allow_nan=False) + "\n"
     check_file(out, ".json")
     if out is None:
         print(text, end="")
@@ -436,9 +440,9 @@ def new_scenario(name: str, *, like: str = "wet-start", out: Path = Path()) -> N
         like: Scenario that it begins as: one that ships, or a TOML file.
         out: Folder for both files.
     """
-    from studies.files import scenario
+    from studies.files import scenario_files
 
-    path = scenario.new_scenario(name, like, out)
+    path = scenario_files.new_scenario(name, like, out)
     print(f"{path} runs as it stands: readhesion simulate {path}")
 
 

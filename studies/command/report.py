@@ -24,7 +24,9 @@ from alloc.run.recording import provenance
 from studies import StudyError
 from studies.command.citations import uses
 from studies.compare import EFFORT, REFERENCE, Standing, answer, by_controller, informed, standings
-from studies.files.scenario import Scenario, load, near, shipped
+from studies.files.scenario import Scenario
+from studies.files.scenario_files import load_scenario, shipped_names
+from studies.files.toml_keys import suggest_name
 from studies.run_cell import recorded
 
 SHOWN_EVENTS = 3
@@ -171,14 +173,16 @@ def _table(data: pd.DataFrame, **options: Any) -> str:
 def _replayed(rows: pd.DataFrame, events: Sequence[str]) -> list[Scenario]:
     """The named events; else those that ship in which the best rule gains most over the reference."""
     known = [str(one) for one in rows["scenario"].unique()]
-    chosen = [load(name) for name in events]
+    chosen = [load_scenario(name) for name in events]
     for one in chosen:
         if one.name not in known:
-            raise StudyError(f"event {one.name!r} is not in this comparison{near(one.name, known)}")
-    good = rows[(rows["status"] == "ok") & rows["scenario"].isin(shipped())]
+            raise StudyError(
+                f"event {one.name!r} is not in this comparison{suggest_name(one.name, known)}"
+            )
+    good = rows[(rows["status"] == "ok") & rows["scenario"].isin(shipped_names())]
     used = good.pivot_table(index="scenario", columns="rule", values=EFFORT)
     gain = used.max(axis=1) - (used[REFERENCE] if REFERENCE in used else used.min(axis=1))
-    return chosen or [load(str(name)) for name in gain.nlargest(SHOWN_EVENTS).index]
+    return chosen or [load_scenario(str(name)) for name in gain.nlargest(SHOWN_EVENTS).index]
 
 
 def _replays(

@@ -1,4 +1,4 @@
-"""A train of one's own as a TOML file: kinds of cars, and their order in the formation.
+"""A user's train as a TOML file: kinds of cars, and their order in the formation.
 
 The keys are those of the shipped sets in `alloc/plant/trains`, which are templates. A scenario names such a file as its
 `train`; ``--plugin tram.toml`` makes its train known by its name.
@@ -13,23 +13,23 @@ from pydantic import Field, field_validator
 from alloc.plant.train import Car, Coupler, MotorKind, Train
 from alloc.plant.trains import train_of
 from studies import StudyError
-from studies.files.toml_keys import Keys, checked, in_words_of, keys_of, read_toml, told_of
+from studies.files.toml_keys import Keys, check_keys, name_keys, name_source, read_toml, table_of
 
 
-def train_keys(path: str | Path) -> "TrainKeys":
+def read_train(path: str | Path) -> "TrainKeys":
     """The keys of a file, whose train is known to be possible; raises `StudyError` that names the file and the key."""
-    with told_of(f"file {str(path)!r}"):
-        found = checked(TrainKeys, read_toml(path))
-        for kind in found.formation:
-            if kind not in found.car:
-                told = f"key 'formation' = {found.formation!r:.60}: there is no [car.{kind}]"
-                raise StudyError(told)
-        for kind, car in found.car.items():
-            with in_words_of(car, f"car.{kind}"):
-                _ = found.model_copy(update={"formation": kind}).train
-        with in_words_of(found):
-            _ = found.train
-    return found
+    with name_source(f"file {str(path)!r}"):
+        keys = check_keys(TrainKeys, read_toml(path))
+        for kind in keys.formation:
+            if kind not in keys.car:
+                fault = f"key 'formation' = {keys.formation!r:.60}: there is no [car.{kind}]"
+                raise StudyError(fault)
+        for kind, car in keys.car.items():
+            with name_keys(car, f"car.{kind}"):
+                _ = keys.model_copy(update={"formation": kind}).train
+        with name_keys(keys):
+            _ = keys.train
+    return keys
 
 
 class MotorChange(Keys):
@@ -42,8 +42,8 @@ class MotorChange(Keys):
     """Time constant of the torque behind its command. Left out: the train's own, or 0.005 s, as of the readhesion paper."""
 
 
-_Coupler: Any = keys_of(Coupler)
-_Car: Any = keys_of(Car)
+_Coupler: Any = table_of(Coupler)
+_Car: Any = table_of(Car)
 
 
 class TrainKeys(Keys):
@@ -66,13 +66,13 @@ class TrainKeys(Keys):
     source: str = ""
     """Where its figures come from."""
     sources: dict[str, str] = Field(default={})
-    """Where each value comes from, by names of one's own."""
+    """Where each value comes from, by names that the file chooses."""
     car: dict[str, _Car]
     """Kinds of cars by their letter: `[car.M]`."""
 
     @field_validator("car")
     @classmethod
-    def _have_letters(cls, value: dict[str, Any]) -> dict[str, Any]:
+    def _check_letters(cls, value: dict[str, Any]) -> dict[str, Any]:
         if any(len(kind) != 1 for kind in value):
             raise ValueError("kinds of cars have one letter each, such as [car.M]")
         return value

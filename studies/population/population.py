@@ -11,8 +11,8 @@ import numpy as np
 
 from alloc.laws import GRAVITY
 from alloc.plant.train import Train
-from studies.files.scenario import Scenario, parse
-from studies.files.toml_keys import checked
+from studies.files.scenario import Scenario, make_scenario
+from studies.files.toml_keys import check_keys
 from studies.files.train_keys import TrainKeys
 from studies.population import draws as e
 
@@ -187,7 +187,7 @@ def event(seed: int, k: int) -> Scenario:
     """Event `k`."""
     d = draw(seed, k)
     train_keys = train_of(seed, k)
-    train = checked(TrainKeys, train_keys).train
+    train = check_keys(TrainKeys, train_keys).train
     stop, speed = d["case"] != "start", d["kmh"] / 3.6
     n, begin = train.axle_count, ROLLING if stop else 0.0
     asked = -d["deceleration"] if stop else train.planned_acceleration
@@ -232,7 +232,7 @@ def event(seed: int, k: int) -> Scenario:
         "onboard": e.signals(d),
         "record_period_s": 0.02,
     }
-    return parse(found, f"event {k} of seed {seed}")
+    return make_scenario(found, f"event {k} of seed {seed}")
 
 
 def _patches(d: e.Drawn, train: Train, speed: float, begin: float) -> list[e.Keys]:

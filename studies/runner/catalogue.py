@@ -10,7 +10,8 @@ from alloc.plant.curves import CURVES
 from alloc.plant.trains import TRAINS, find_train
 from alloc.rules import RULES
 from studies import StudyError
-from studies.files.scenario import load, near, shipped
+from studies.files.scenario_files import load_scenario, shipped_names
+from studies.files.toml_keys import suggest_name
 from studies.runner.plugins import load_plugins
 from studies.runner.study import Study
 
@@ -33,7 +34,7 @@ def find_study(name: str) -> Study:
     plain = name.replace("-", "_")
     if plain not in STUDIES:
         kind = "file" if Path(name).suffix else "study"
-        raise StudyError(f"unknown {kind} {name!r}{near(plain, STUDIES)}")
+        raise StudyError(f"unknown {kind} {name!r}{suggest_name(plain, STUDIES)}")
     study: Study = import_module(f"studies.{plain}").STUDY
     return study
 
@@ -44,7 +45,7 @@ def _trains() -> dict[str, str]:
 
 
 KINDS: dict[str, Callable[[], dict[str, str]]] = {
-    "scenarios": lambda: {name: load(name).title for name in shipped()},
+    "scenarios": lambda: {name: load_scenario(name).title for name in shipped_names()},
     "rules": lambda: {name: one.description for name, one in RULES.items()},
     "controllers": lambda: {name: one.meaning for name, one in CONTROLLERS.items()},
     "curves": lambda: {name: str(one.__doc__).partition("\n")[0] for name, one in CURVES.items()},

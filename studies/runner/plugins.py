@@ -58,9 +58,9 @@ def _load(path: str) -> ModuleType:
         # stdout is for results
         with redirect_stdout(sys.stderr), blamed_on(f"plug-in {path!r} cannot be loaded"):
             if path.endswith(".toml"):
-                from studies.files.train_keys import train_keys
+                from studies.files.train_keys import read_train
 
-                train = train_keys(path).train
+                train = read_train(path).train
                 TRAINS.register(train.name, lambda: train, name)
             else:
                 exec(compile(Path(path).read_bytes(), path, "exec"), vars(module))
@@ -135,7 +135,7 @@ def try_own_parts(rules: Iterable[str], controllers: Iterable[str]) -> None:
     Raises `InputError` of one line for a part that is none, raises an error, or answers with what is no answer.
     """
     from alloc.run.simulation import simulate
-    from studies.files.scenario import load
+    from studies.files.scenario_files import load_scenario
 
     kinds: Any = (
         (RULES, rules, Rule),
@@ -151,7 +151,7 @@ def try_own_parts(rules: Iterable[str], controllers: Iterable[str]) -> None:
                     raise InputError(f"it is a {type(part).__name__}; register a {kind.__name__}")
                 if kind is Rule:
                     _ask(name, part)
-                event = load(TRIAL[0]).changed(duration_s=TRIAL[1]).event()
+                event = load_scenario(TRIAL[0]).changed(duration_s=TRIAL[1]).event()
                 own = {kind: part}
                 run = simulate(event, own.get(Rule, "alone"), own.get(Controller, "none"))
                 if kind is Controller and not np.isfinite(run["torque_command"]).all():

@@ -26,7 +26,7 @@ from mpc.problem import (
     torque_scale,
 )
 from mpc.unit import MPC
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 from tests.cases import looped
 
 PERIOD = 0.01
@@ -86,7 +86,7 @@ def twin(u, w, n):
 
 def test_the_wheel_is_the_simulated_one():
     rng, curve = np.random.default_rng(1), RationalCurve(peak_slip=0.2)
-    event = load("wet-patch").event(0)
+    event = load_scenario("wet-patch").event(0)
     w = replace(event, rail=replace(event.rail, level=0.1, curve=curve)).world()
     axles, plant, n = w.wheelsets, w.plant[0], w.wheelsets.size
     omega, pair = 2, 0.07

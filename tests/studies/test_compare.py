@@ -9,11 +9,12 @@ import pytest
 from alloc.schema.errors import InputError
 from studies import compare
 from studies.compare import answer, as_json, frame, grid, lines, standings, study_of
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 from studies.run_cell import run
 from studies.runner.study import run_study
 
 RULES = ("alone", "cooperative", "greedy", "oracle")
+START = load_scenario("wet-start")
 
 
 def made(gains, events=8, seeds=2, spread=0.01, over=None):
@@ -100,7 +101,7 @@ def test_the_default_grid():
     ({"rules": ["gredy"]}, "gredy.*greedy"),
     ({"controllers": ["pertub-observe"]}, "perturb-observe"),
     ({"seeds": 0}, "seeds = 0"),
-    ({"scenarios": [load("wet-start"), load("wet-start").changed(duration_s=3.0)]}, "two scenarios are named"),
+    ({"scenarios": [START, START.changed(duration_s=3.0)]}, "two scenarios are named"),
 ])  # fmt: skip
 def test_bad_parts(parts, words):
     with pytest.raises(InputError, match=words):
@@ -108,7 +109,7 @@ def test_bad_parts(parts, words):
 
 
 def test_the_gap_of_a_solver_is_the_greatest_of_its_runs():
-    event = load("uneven-load").changed(duration_s=8.0)
+    event = load_scenario("uneven-load").changed(duration_s=8.0)
     solved, exact = (run(event, rule, "perturb-observe", 0) for rule in ("qp", "cooperative"))
     assert 0.0 < solved["rule_gap"] < 1e-6  # its answers are OSQP's own, within the tolerance
     assert np.isnan(exact["rule_gap"])
@@ -119,7 +120,7 @@ def test_the_gap_of_a_solver_is_the_greatest_of_its_runs():
 
 
 def test_a_small_comparison(tmp_path):
-    event = load("wet-front").changed(duration_s=8.0)
+    event = load_scenario("wet-front").changed(duration_s=8.0)
     study = study_of(grid([event], RULES, ["perturb-observe"], 2))
     rows = run_study(study, tmp_path)
     assert list(rows["status"].unique()) == ["ok"]

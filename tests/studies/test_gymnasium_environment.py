@@ -12,13 +12,13 @@ from alloc.evaluation.metrics import evaluate
 from alloc.run.simulation import simulate
 from alloc.schema.errors import InputError
 from studies import StudyError
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 from studies.gymnasium_environment import PRICE, ReadhesionEnvironment
 
 
 def short(name):
     """The first seconds of a scenario, in which wheels slip."""
-    return load(name).changed(duration_s=8.0)
+    return load_scenario(name).changed(duration_s=8.0)
 
 
 def play(env, agent, info=None, steps=10_000):

@@ -6,7 +6,7 @@ import pytest
 from alloc.evaluation.metrics import damage, distance
 from alloc.evaluation.wheel_damage import wheel_damage
 from alloc.run.simulation import simulate
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 from studies.jp4209318 import CALIBRATED, STEP, STUDY, TABLE_3, TABLE_4, cells, laws, stop, train
 from studies.runner.study import run_study
 
@@ -34,7 +34,7 @@ def run():
 
 
 def test_the_shipped_scenario_is_the_stop_of_the_calibrated_set(run):
-    shipped = simulate(load("jp4209318-stop").event(), "alone", "none")
+    shipped = simulate(load_scenario("jp4209318-stop").event(), "alone", "none")
     assert distance(shipped) == pytest.approx(distance(run), abs=1e-6)
     assert damage(shipped) == pytest.approx(damage(run), rel=1e-9)
 

@@ -8,7 +8,7 @@ from alloc.plant.rail import GROWTH_SLOPE, logarithmic_increments
 from alloc.run.simulation import simulate
 from studies import StudyError
 from studies import learning as study
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 
 
 def test_the_printed_numbers() -> None:
@@ -53,7 +53,7 @@ def test_new_data_weigh_against_the_stored_ones_as_printed(arm: str, behind: flo
 def test_a_datum_is_the_estimate_at_a_slip_less_the_leaders_at_its_receipt_or_at_its_own_slip() -> (
     None
 ):
-    event = study.start(load("wet-start"), ("even", "too low"), 0, 1, seed=77)
+    event = study.start(load_scenario("wet-start"), ("even", "too low"), 0, 1, seed=77)
     found = simulate(event, study.RULE, study.CONTROLLER).isel(time=slice(300)).copy(deep=True)
     slips, estimate = found["slipping"].values, found["coefficient_estimate"].values
     slips[:], estimate[:] = 0, np.arange(300)[:, None] * 1e-4 + [0.10, 0.12, 0.13, 0.14]
@@ -68,6 +68,8 @@ def test_a_datum_is_the_estimate_at_a_slip_less_the_leaders_at_its_receipt_or_at
 
 def test_a_held_reference_learns_increments_that_were_too_high() -> None:
     kind = ("even", "too high")
-    rows = study.run(load("wet-start"), kind, "gaussian_held", event=0, seed=77, stations=4)
+    rows = study.run(
+        load_scenario("wet-start"), kind, "gaussian_held", event=0, seed=77, stations=4
+    )
     assert [row["station"] for row in rows] == [1, 2, 3, 4]
     assert rows[-1]["error"] < 0.3 * 0.0236  # of the stored ones

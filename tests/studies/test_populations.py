@@ -12,7 +12,7 @@ from paper_figs.sharing import FIGURES
 from readhesion import simulate
 from studies import braking, claims
 from studies.compare import grid
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 from studies.population import draws as events
 from studies.population import population
 from studies.run_cell import cell, run
@@ -134,8 +134,8 @@ def test_a_small_run(module, tmp_path, monkeypatch):
 
 
 def test_a_drawn_event_runs_by_its_name_as_its_row_was_made():
-    assert load("random-0-0012") == claims.event(0, 12)
-    assert load("population-65-0002") == population.event(65, 2)
+    assert load_scenario("random-0-0012") == claims.event(0, 12)
+    assert load_scenario("population-65-0002") == population.event(65, 2)
     assert simulate("population-65-0002", "alone", "none").attrs["seed"] == 2
-    cells = grid([load("population-65-0002")], ["alone"], ["none"], 2).cells()
+    cells = grid([load_scenario("population-65-0002")], ["alone"], ["none"], 2).cells()
     assert [one.args[3] for one in cells] == [2, 3]

@@ -11,7 +11,7 @@ from alloc.rules import RULES
 from studies import StudyError
 from studies.command.report import write
 from studies.compare import grid, study_of
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 from studies.runner.study import run_study
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -22,7 +22,7 @@ NASTY = '<b onclick="alert(1)">mine</b></script>'
 
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory):
-    events = [load(name) for name in ("wet-patch", "failed-unit")]
+    events = [load_scenario(name) for name in ("wet-patch", "failed-unit")]
     chosen = grid(events, ["alone", "greedy", "cooperative"], ["cut-and-ramp"], 1)
     return run_study(study_of(chosen), tmp_path_factory.mktemp("compare"))
 

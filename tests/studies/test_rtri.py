@@ -5,7 +5,7 @@ import pytest
 
 from alloc.evaluation.brake_force import car_brake_forces, coupler_force_between
 from alloc.run.simulation import simulate
-from studies.files.scenario import load
+from studies.files.scenario_files import load_scenario
 from studies.rtri import (
     CUT_OUT,
     RIGGING,
@@ -64,7 +64,7 @@ def test_own_accelerations_give_the_force_at_every_instant(name):
 def test_couplers_and_accelerations_of_the_shipped_scenarios_give_the_forces(
     name, locomotive, wagons
 ):
-    run = simulate(load(name).event(), "alone", "none")
+    run = simulate(load_scenario(name).event(), "alone", "none")
     braked = (run["speed"] < 0.5 * run["speed"][0]) & (run["speed"] > 2.0)
     run = run.isel(time=braked.values)
     of_car = run["axle_car"].values[:, None] == np.arange(run.sizes["car"])

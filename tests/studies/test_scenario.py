@@ -15,15 +15,14 @@ import pytest
 from alloc.plant.curves import CURVES
 from alloc.plant.trains import TRAINS, find_train
 from studies import StudyError
-from studies.files.scenario import (
+from studies.files.scenario import find_remarks, make_scenario
+from studies.files.scenario_files import (
     SHIPPED,
     default_scenarios,
-    load,
+    json_schema,
+    load_scenario,
     new_scenario,
-    parse,
-    remarks,
-    schema,
-    shipped,
+    shipped_names,
 )
 
 HASHES = {
@@ -62,12 +61,15 @@ def with_key(path, value, data=KEYS):
 
 
 def test_events_are_the_same_to_the_last_bit():
-    found = {name: tuple(load(name).event(seed).hash[:8] for seed in (0, 3)) for name in shipped()}
+    found = {
+        name: tuple(load_scenario(name).event(seed).hash[:8] for seed in (0, 3))
+        for name in shipped_names()
+    }
     assert found == HASHES
 
 
 def test_the_default_comparison_leaves_out_faults_of_single_functions_and_stops_by_air_alone():
-    left_out = set(shipped()) - {one.name for one in default_scenarios()}
+    left_out = set(shipped_names()) - {one.name for one in default_scenarios()}
     by_air = {"jp4209318-stop", "rtri-all", "rtri-emergency", "rtri-locomotive"}
     assert left_out == {"lost-sensors", "lost-telegrams", "noisy-sensors"} | by_air
 
@@ -115,6 +117,7 @@ BAD = [
     ("rail.curve.kind", "polch", "key 'rail.curve': unknown adhesion curve 'polch'; did you mean 'polach'?"),
     ("rail.curve.decay", 0.2, "decay is no parameter of the piecewise curve"),
     ("rail.curve.residual_ratio", 2.0, "rail.curve: residual_ratio = 2.0 must be a finite number, 0 or greater, 0.999 at"),
+    ("rail.curve.residual_ratio", "x", "rail.curve: residual_ratio = 'x' must be a finite number"),
     ("belief.increments", {"law": "given", "values": [0.1]}, "belief.increments.values: give one per axle, 32"),
     ("line.sections", [{"start_m": 0.0, "grade_permille": 1e6}], "key 'line.sections[1].grade_permille' = 1000000.0"),
     ("receptivity.period_s", 0.0, "key 'receptivity.period_s' = 0.0: must be greater than 0"),
@@ -129,7 +132,7 @@ BAD = [
 @pytest.mark.parametrize(("path", "value", "words"), BAD)
 def test_what_cannot_be_is_one_line_that_names_the_key(path, value, words):
     with pytest.raises(StudyError) as error:
-        parse({"name": "own"} | with_key(path, value), "own.toml").event()
+        make_scenario({"name": "own"} | with_key(path, value), "own.toml").event()
     assert words in str(error.value)
     assert str(error.value).startswith(("own.toml: ", "scenario 'own': "))
     assert str(error.value).isprintable()
@@ -154,7 +157,7 @@ def test_a_file_that_is_no_scenario_is_told_by_its_path(tmp_path, words):
     if FILES[words] is not None:
         path.write_bytes(FILES[words])
     with pytest.raises(StudyError) as error:
-        load(path)
+        load_scenario(path)
     assert words in str(error.value)
     assert str(error.value).startswith(f"file {str(path)!r}: ")
     assert str(error.value).isprintable()
@@ -165,7 +168,7 @@ def test_what_never_ends_is_not_read(tmp_path):
     (tmp_path / "zero.toml").symlink_to("/dev/zero")
     for path in (tmp_path, tmp_path / "pipe.toml", tmp_path / "zero.toml"):
         with pytest.raises(StudyError, match="no regular file"):
-            load(path)
+            load_scenario(path)
 
 
 NO_PART = {"title", "description", "case", "in_default_comparison"}
@@ -218,7 +221,7 @@ def leaves(said, whole, path=""):
 
 def hash_of(keys):
     try:
-        return parse({"name": "own"} | keys, "own.toml").event(seed=1).hash
+        return make_scenario({"name": "own"} | keys, "own.toml").event(seed=1).hash
     except StudyError:
         return None
 
@@ -251,13 +254,13 @@ def acts(path, said):
 
 
 def test_every_key_acts_on_the_event():
-    whole = schema()
+    whole = json_schema()
     idle = {path for path, said in leaves(whole, whole) if not acts(path, said)}
     assert idle == NO_PART
 
 
 def test_the_schema_knows_every_file_and_names_a_misspelt_key():
-    check = jsonschema.Draft202012Validator(schema())
+    check = jsonschema.Draft202012Validator(json_schema())
     check.check_schema(check.schema)
     for path in SHIPPED.glob("*.toml"):
         check.validate(tomllib.loads(path.read_text()))
@@ -276,7 +279,7 @@ def test_the_schema_knows_every_file_and_names_a_misspelt_key():
 
 def test_a_scenario_is_known_by_its_text_in_this_process_and_in_others():
     one, again = (
-        parse({"name": "own"} | with_key("onboard.telegrams.loss", 0.1), "own.toml")
+        make_scenario({"name": "own"} | with_key("onboard.telegrams.loss", 0.1), "own.toml")
         for _ in range(2)
     )
     assert one == again
@@ -297,17 +300,17 @@ def test_a_scenario_is_known_by_its_text_in_this_process_and_in_others():
 def test_a_file_is_read_each_time_and_its_name_is_that_of_the_scenario(tmp_path):
     path = tmp_path / "my event.toml"
     path.write_text(TEXT)
-    assert load(path).name == "my-event"
-    before = load(str(path)).event(3)
+    assert load_scenario(path).name == "my-event"
+    before = load_scenario(str(path)).event(3)
     path.write_text(TEXT.replace("level = 0.22", "level = 0.21"))
-    assert load(path).event(3).rail.level < before.rail.level
-    assert load("wet-patch") is load("wet-patch")
+    assert load_scenario(path).event(3).rail.level < before.rail.level
+    assert load_scenario("wet-patch") is load_scenario("wet-patch")
     with pytest.raises(StudyError, match="did you mean 'wet-start'"):
-        load("wet-strat")
+        load_scenario("wet-strat")
 
 
 def test_a_seed_draws_the_day_and_nothing_else():
-    scenario = load("scattered-rail")
+    scenario = load_scenario("scattered-rail")
     still, day, again = (scenario.event(seed) for seed in (0, 4, 4))
     assert day.hash == again.hash != still.hash
     assert still.rail.level == 0.145
@@ -320,7 +323,7 @@ def test_a_seed_draws_the_day_and_nothing_else():
 def test_a_new_scenario_runs_as_it_stands_and_is_not_overwritten(tmp_path):
     path = new_scenario("mine", "wet-stop", tmp_path / "new")
     assert path.read_text().startswith("#:schema ./scenario.schema.json\n")
-    assert load(path).changed(name="wet-stop") == load("wet-stop")
+    assert load_scenario(path).changed(name="wet-stop") == load_scenario("wet-stop")
     assert (path.parent / "scenario.schema.json").is_file()
     with pytest.raises(StudyError, match="exists; choose another name"):
         new_scenario("mine", "wet-start", tmp_path / "new")
@@ -337,17 +340,17 @@ def test_a_new_scenario_runs_as_it_stands_and_is_not_overwritten(tmp_path):
     ("rail.patches", [{"factor": 0.5, "begin_s": 40.0}], "rail.patches[1]: the run is not between begin_s = 40"),
 ])  # fmt: skip
 def test_what_is_hardly_meant_gets_a_remark(path, value, words):
-    scenario = parse({"name": "own"} | with_key(path, value), "own.toml")
-    said = " ".join(remarks(scenario.event(0)))
+    scenario = make_scenario({"name": "own"} | with_key(path, value), "own.toml")
+    said = " ".join(find_remarks(scenario.event(0)))
     assert words in said if words else not said
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", shipped_names())
 def test_shipped_events_need_no_remark(name):
-    assert not list(remarks(load(name).event(3)))
+    assert not list(find_remarks(load_scenario(name).event(3)))
 
 
 def test_a_train_that_a_plug_in_brings_counts_with_its_file():
     TRAINS.register("own-train", lambda: find_train("commuter-8car"))
-    assert __name__ in load("wet-patch").changed(train="own-train").sources
-    assert load("wet-patch").changed(duration_s=np.float64(3.0)).duration_s == 3.0
+    assert __name__ in load_scenario("wet-patch").changed(train="own-train").sources
+    assert load_scenario("wet-patch").changed(duration_s=np.float64(3.0)).duration_s == 3.0

@@ -11,8 +11,8 @@ from alloc.plant import trains
 from alloc.plant.trains import find_train
 from alloc.run.simulation import simulate
 from studies import StudyError
-from studies.files.scenario import SHIPPED, load, schema
-from studies.files.train_keys import train_keys
+from studies.files.scenario_files import SHIPPED, json_schema, load_scenario
+from studies.files.train_keys import read_train
 
 TRAM = Path(__file__).with_name("tram.toml").read_text()
 EVENT = (
@@ -32,7 +32,7 @@ def folder(tmp_path):
 
 
 def test_the_train_is_as_its_file_says():
-    train = train_keys(Path(__file__).with_name("tram.toml")).train
+    train = read_train(Path(__file__).with_name("tram.toml")).train
     assert (train.name, train.axle_count, train.mass) == ("tram", 6, 2 * 17e3 + 12e3)
     assert train.planned_acceleration == 4.0 / 3.6
     assert train.resistance == (900.0, 60.0, 4.0)
@@ -45,11 +45,11 @@ def test_the_train_is_as_its_file_says():
     "name", ["one-axle", "jp4209318-3car", "commuter-8car", "high-speed-16car", "freight-5"]
 )
 def test_shipped_sets_are_templates(name):
-    assert train_keys(Path(trains.__file__).with_name(f"{name}.toml")).train == find_train(name)
+    assert read_train(Path(trains.__file__).with_name(f"{name}.toml")).train == find_train(name)
 
 
 def test_the_schema_knows_a_train_and_names_a_misspelt_key():
-    check = jsonschema.Draft202012Validator(schema("train"))
+    check = jsonschema.Draft202012Validator(json_schema("train"))
     keys = tomllib.loads(TRAM)
     check.validate(keys)
     keys["car"]["M"]["motors"]["gear_rato"] = 6.2
@@ -58,7 +58,7 @@ def test_the_schema_knows_a_train_and_names_a_misspelt_key():
 
 
 def test_a_tram_slips_and_starts(folder):
-    event = load(folder / "own.toml").changed(duration_s=6.0).event(1)
+    event = load_scenario(folder / "own.toml").changed(duration_s=6.0).event(1)
     run = simulate(event, "cooperative", "cut-and-ramp")
     assert run.attrs["train"] == "tram"
     assert (run["slipping"] > 0).any()
@@ -67,10 +67,10 @@ def test_a_tram_slips_and_starts(folder):
 
 
 def test_an_edited_train_makes_another_scenario_and_one_that_was_read_keeps_its_own(folder):
-    before = load(folder / "own.toml")
+    before = load_scenario(folder / "own.toml")
     assert before.changed(train="commuter-8car").event().train == find_train("commuter-8car")
     (folder / "trains" / "tram.toml").write_text(TRAM.replace("mass_t = 14.0", "mass_t = 15.0"))
-    after = load(folder / "own.toml")
+    after = load_scenario(folder / "own.toml")
     assert before.text != after.text
     assert [one.event().train.mass for one in (before, after)] == [46e3, 48e3]
 
@@ -91,5 +91,5 @@ def test_what_cannot_be_names_both_files_and_the_key(folder, old, new, words):
     assert old in TRAM
     (folder / "trains" / "tram.toml").write_text(TRAM.replace(old, new))
     with pytest.raises(StudyError) as error:
-        load(folder / "own.toml")
+        load_scenario(folder / "own.toml")
     assert f"own.toml': file '{folder / 'trains' / 'tram.toml'}': {words}" in str(error.value)
