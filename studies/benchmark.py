@@ -25,7 +25,7 @@ from studies.compare import MOST_OVER, NEGLIGIBLE, mark_of, meanings
 from studies.files.scenario import Scenario
 from studies.population import population
 from studies.runner.plugins import load_plugins, try_own_parts
-from studies.runner.row_key import LIBRARIES, decides
+from studies.runner.row_key import LIBRARIES, hash_sources
 from studies.runner.study import WIDE, Cell, Row, Study
 from studies.statistics import (
     Claim,
@@ -134,7 +134,7 @@ def store(rows: pd.DataFrame, path: Path) -> None:
     """Write rows in little room, with what they were computed by."""
     kept = ["scenario", "seed", "rule", "controller", "knob", *population.STRATA, *KEPT, "status"]
     small = rows[kept].astype({"knob": float} | dict.fromkeys(KEPT, "float32"))
-    small.attrs = {"sources": decides(run), **{name: version(name) for name in LIBRARIES}}
+    small.attrs = {"sources": hash_sources(run), **{name: version(name) for name in LIBRARIES}}
     write_whole(path, partial(small.to_parquet, index=False, compression="zstd"))
 
 
@@ -148,7 +148,7 @@ def stored() -> pd.DataFrame:
 
 def is_stale() -> bool:
     """Whether the stored rows were computed by other sources than these."""
-    return bool(stored().attrs.get("sources") != decides(run))
+    return bool(stored().attrs.get("sources") != hash_sources(run))
 
 
 # what comes out

@@ -16,21 +16,30 @@ from studies.runner.plugins import load_plugins
 from studies.runner.study import Study
 
 STUDIES = (
-    "benchmark", "tuning", "assumptions", "mpc_parts",
-    "claims", "braking", "learning",  # JP5484215
-    "readhesion_paper", "jp4209318", "rtri", "jph07322414",
-    "measured", "solvers",
-)  # fmt: skip
+    "benchmark",
+    "tuning",
+    "assumptions",
+    "mpc_parts",
+    "claims",
+    "braking",
+    "learning",
+    "readhesion_paper",
+    "jp4209318",
+    "rtri",
+    "jph07322414",
+    "measured",
+    "solvers",
+)
 
 
 def find_study(name: str) -> Study:
     """The study of this name, or of a file that has a `STUDY`. Raises `StudyError` where there is none."""
     if name.endswith(".py"):
         (module,) = load_plugins([name])
-        found = getattr(module, "STUDY", None)
-        if not isinstance(found, Study):
+        users = getattr(module, "STUDY", None)
+        if not isinstance(users, Study):
             raise StudyError(f"{name}: it has no STUDY, a studies.runner.study.Study")
-        return found
+        return users
     plain = name.replace("-", "_")
     if plain not in STUDIES:
         kind = "file" if Path(name).suffix else "study"
@@ -39,18 +48,22 @@ def find_study(name: str) -> Study:
     return study
 
 
-def _trains() -> dict[str, str]:
+def _describe_trains() -> dict[str, str]:
     trains = {name: find_train(name) for name in TRAINS}
-    return {name: f"{len(one.cars)} cars, {one.mass / 1e3:.0f} t" for name, one in trains.items()}
+    return {
+        name: f"{len(train.cars)} cars, {train.mass / 1e3:.0f} t" for name, train in trains.items()
+    }
 
 
 KINDS: dict[str, Callable[[], dict[str, str]]] = {
     "scenarios": lambda: {name: load_scenario(name).title for name in shipped_names()},
-    "rules": lambda: {name: one.description for name, one in RULES.items()},
-    "controllers": lambda: {name: one.meaning for name, one in CONTROLLERS.items()},
-    "curves": lambda: {name: str(one.__doc__).partition("\n")[0] for name, one in CURVES.items()},
-    "trains": _trains,
+    "rules": lambda: {name: rule.description for name, rule in RULES.items()},
+    "controllers": lambda: {name: part.meaning for name, part in CONTROLLERS.items()},
+    "curves": lambda: {name: str(part.__doc__).partition("\n")[0] for name, part in CURVES.items()},
+    "trains": _describe_trains,
     "studies": lambda: {name: find_study(name).question for name in STUDIES},
-    "metrics": lambda: {name: f"{one.description} [{one.unit}]" for name, one in METRICS.items()},
+    "metrics": lambda: {
+        name: f"{part.description} [{part.unit}]" for name, part in METRICS.items()
+    },
 }
 """Kinds of things that a command takes by name, and what gives their names with a line of meaning."""

@@ -37,12 +37,11 @@ def loaded_files() -> tuple[str, ...]:
 def load_plugins(files: Iterable[str | Path]) -> list[ModuleType]:
     """Load files that are not yet loaded, or were edited; their modules. Raises `InputError` of one line with the file."""
     refresh()
-    return [
-        _loaded.get(path) or _load(path) for path in (str(Path(one).resolve()) for one in files)
-    ]
+    paths = [str(Path(file).resolve()) for file in files]
+    return [_loaded.get(path) or _load_file(path) for path in paths]
 
 
-def _load(path: str) -> ModuleType:
+def _load_file(path: str) -> ModuleType:
     if not Path(path).is_file():
         raise InputError(f"plug-in {path!r} does not exist")
     if Path(path).suffix not in (".py", ".toml"):
@@ -64,8 +63,8 @@ def _load(path: str) -> ModuleType:
                 TRAINS.register(train.name, lambda: train, name)
             else:
                 exec(compile(Path(path).read_bytes(), path, "exec"), vars(module))
-            made = {one.split(".")[0] for one, at in Registry.registered.items() if at >= started}
-            if made <= PACKAGES and not hasattr(module, "STUDY"):
+            names = (name for name, at in Registry.registered.items() if at >= started)
+            if {name.split(".")[0] for name in names} <= PACKAGES and not hasattr(module, "STUDY"):
                 raise InputError("it registers no part and has no STUDY")
     except InputError:
         del sys.modules[name]
@@ -82,18 +81,18 @@ def refresh() -> None:
     So what runs is what the keys of rows say. Raises `InputError` for a module that cannot be loaded any more.
     """
     folder_hash.cache_clear()
-    names = dict.fromkeys([*Registry.registered, *(one.__name__ for one in _loaded.values())])
-    edited = {name: _users_file(name) for name in names if _is_edited(name)}
+    names = dict.fromkeys([*Registry.registered, *(module.__name__ for module in _loaded.values())])
+    edited = {name: _file_of_user(name) for name in names if _is_edited(name)}
     for name, file in edited.items():
         for registry in Registry.every:
             registry.forget(name)
         for helper in set(sys.modules) - set(edited):
-            path, folder = Path(_users_file(helper)), Path(file).parent
+            path, folder = Path(_file_of_user(helper)), Path(file).parent
             if folder in path.parents and not PASSED_OVER & {*path.relative_to(folder).parts}:
                 del sys.modules[helper]
     for name, file in edited.items():
         if _loaded.pop(file, None):
-            _load(file)
+            _load_file(file)
             continue
         with blamed_on(f"{file!r} was edited and cannot be loaded"):
             importlib.reload(sys.modules[name])
@@ -105,14 +104,14 @@ def refresh() -> None:
         linecache.checkcache()
 
 
-def _users_file(name: str) -> str:
+def _file_of_user(name: str) -> str:
     """File of a module of the user's; nothing where it has none, or is the program or the project itself."""
     file = getattr(sys.modules.get(name), "__file__", None) or ""
     return "" if name == "__main__" or name.partition(".")[0] in PACKAGES else file
 
 
 def _is_edited(name: str) -> bool:
-    file = _users_file(name)
+    file = _file_of_user(name)
     if file and name not in _hashes:  # not loaded here, but imported
         newest = max(path.stat().st_mtime for path in files_beside(file))
         _hashes[name] = folder_hash(file) if newest < Registry.registered[name] else ""
@@ -124,7 +123,7 @@ def _is_edited(name: str) -> bool:
 TRIAL = ("wet-start", 0.2)
 """Event and duration [s] of a trial: a few control periods."""
 TIMED, SLOW, ASKED = 10, 5e-3, 10
-"""Calls of a rule that are timed; seconds of a call that are told; calls in a second of a run, with every telegram."""
+"""Calls of a rule that are timed; seconds of a call that are reported; calls in a second of a run, with every telegram."""
 slow: dict[str, float] = {}
 """Seconds of a call of rules that take longer, by name."""
 
@@ -150,17 +149,17 @@ def try_own_parts(rules: Iterable[str], controllers: Iterable[str]) -> None:
                 if not isinstance(part, kind):
                     raise InputError(f"it is a {type(part).__name__}; register a {kind.__name__}")
                 if kind is Rule:
-                    _ask(name, part)
+                    _try_rule(name, part)
                 event = load_scenario(TRIAL[0]).changed(duration_s=TRIAL[1]).event()
-                own = {kind: part}
-                run = simulate(event, own.get(Rule, "alone"), own.get(Controller, "none"))
+                rule = part if kind is Rule else "alone"
+                run = simulate(event, rule, part if kind is Controller else "none")
                 if kind is Controller and not np.isfinite(run["torque_command"]).all():
                     raise InputError("commands a torque that is no finite number")
                 if kind is Metric:
                     float(part.function(run))
 
 
-def _ask(name: str, rule: Rule) -> None:
+def _try_rule(name: str, rule: Rule) -> None:
     """Ask a rule for small answers, and say if it takes long."""
     rule(AllocationProblem([0.2], 0.16))  # of one unit, so that a fixed number is noticed
     rule(problem := AllocationProblem([0.1, 0.2, 0.25], 0.16))  # within reach: a solver is asked
@@ -169,7 +168,5 @@ def _ask(name: str, rule: Rule) -> None:
         times.append(rule(problem).solve_time)
     if (seconds := float(np.median(times))) > SLOW:
         slow[name] = seconds
-        told = (
-            f"{1e3 * seconds:.0f} ms a call, about {ASKED} calls a second of a run, 1500 of check"
-        )
-        print(f"readhesion: rule {name!r} takes {told}", file=sys.stderr)
+        spent = f"{1e3 * seconds:.0f} ms a call, about {ASKED} calls a second of a run"
+        print(f"readhesion: rule {name!r} takes {spent}, 1500 of check", file=sys.stderr)

@@ -28,19 +28,20 @@ from alloc.compilation import ROOT
 from alloc.schema.errors import InputError
 from studies import SourcesChanged
 
-OWN, BELOW = "studies", ("alloc", "mpc")
+STUDIES, BELOW = "studies", ("alloc", "mpc")
 """The package whose definitions are followed one by one, and those that count as they are."""
 APART = (
-    "alloc.evaluation.brake_force", "alloc.evaluation.wheel_damage", "alloc.evaluation.measured_series",
-    "alloc.conformance", "alloc.rules.conformance",
-)  # fmt: skip
+    "alloc.evaluation.brake_force",
+    "alloc.evaluation.wheel_damage",
+    "alloc.evaluation.measured_series",
+    "alloc.conformance",
+    "alloc.rules.conformance",
+)
 """What of `alloc` no run uses: it counts where a function names it."""
 LIBRARIES = ("numpy", "numba", "llvmlite", "casadi", "osqp", "cvxpy")
 """Installed packages whose versions count, beside that of Python."""
-DATA = (
-    ".csv", ".toml", ".npy", ".npz", ".mat", ".dat", ".json", ".txt", ".yaml", ".yml", ".ini", ".xml", ".xlsx", ".parquet",
-    ".h5", ".hdf5", ".pkl",
-)  # fmt: skip
+TEXTS = (".csv", ".toml", ".json", ".txt", ".yaml", ".yml", ".ini", ".xml", ".dat")
+DATA = (*TEXTS, ".npy", ".npz", ".mat", ".xlsx", ".parquet", ".h5", ".hdf5", ".pkl")
 """Files in the folder of a user's own that it may read; a study's own count where it names them."""
 PASSED_OVER = {"__pycache__", "site-packages", "node_modules", "results", "figures"}
 """Folders that hold no source of a plug-in: of libraries, and of what the command writes."""
@@ -56,59 +57,64 @@ Name = tuple[str, str]
 
 def key_of(run: Callable[..., Any], args: tuple[Any, ...], sources: tuple[str, ...] = ()) -> str:
     """Hash of what decides the rows that `run(*args)` gives; `sources`: modules of parts that `args` name."""
-    text = json.dumps([_plain(run), args, decides(run, sources)], default=_plain)
-    return _hash(text)
+    text = json.dumps([_plain_value(run), args, hash_sources(run, sources)], default=_plain_value)
+    return _hash_text(text)
 
 
-def decides(function: Callable[..., Any], modules: tuple[str, ...] = ()) -> str:
+def hash_sources(function: Callable[..., Any], modules: tuple[str, ...] = ()) -> str:
     """Hash of the sources behind `function` and of `modules`, which are beside it."""
-    code, files = _followed(function, modules)
-    return _hash("\n".join([code, *map(folder_hash, files)]))
+    code, files = _follow_names(function, modules)
+    return _hash_text("\n".join([code, *map(folder_hash, files)]))
 
 
 @cache
-def _followed(function: Callable[..., Any], modules: tuple[str, ...]) -> tuple[str, list[str]]:
+def _follow_names(function: Callable[..., Any], modules: tuple[str, ...]) -> tuple[str, list[str]]:
     """Hash of what counts of the project, and the files that count beside it.
 
     Raises `SourcesChanged` where the project is not what this process has loaded.
     """
-    if _project() != _LOADED:
+    if _hash_project() != _LOADED:
         advice = "start this process again, and of a cluster its workers"
         raise SourcesChanged(f"{ROOT}: the project was edited since it was loaded; {advice}")
     seen: dict[Name, str] = {}
-    others = set(modules)
+    whole = set(modules)
     left: list[Name] = [(function.__module__, function.__qualname__.partition(".")[0])]
     while left:
         module, name = left.pop()
-        if module.partition(".")[0] != OWN:
-            others.add(module)
+        if module.partition(".")[0] != STUDIES:
+            whole.add(module)
         elif (module, name) not in seen:
-            nodes = _definitions(module).get(name, [])
-            seen[module, name] = computed(*nodes)
-            left += [one for node in nodes for one in _named_in(node, module)]
-    files = {one if os.sep in one else str(getattr(sys.modules.get(one), "__file__", None) or "")
-             for one in others if one.partition(".")[0] not in BELOW}  # fmt: skip
-    named = [f"{module}." for module in others]
+            nodes = _definitions_of(module).get(name, [])
+            seen[module, name] = computed_text(*nodes)
+            left += [below for node in nodes for below in _names_in(node, module)]
+    files = set()
+    for module in whole:
+        if os.sep in module:
+            files.add(module)
+        elif module.partition(".")[0] not in BELOW:
+            files.add(str(getattr(sys.modules.get(module), "__file__", None) or ""))
     packages = {
-        part for part in (*BELOW, *APART) if any(one.startswith(f"{part}.") for one in named)
+        part
+        for part in (*BELOW, *APART)
+        if any(f"{module}.".startswith(f"{part}.") for module in whole)
     }
     packages |= {*APART} if files else set()  # a user's file may import any
-    parts = [seen[one] for one in sorted(seen)]
-    return _hash("\n".join([*parts, *map(_package_hash, sorted(packages))])), sorted(files)
+    parts = [seen[name] for name in sorted(seen)]
+    return _hash_text("\n".join([*parts, *map(_hash_package, sorted(packages))])), sorted(files)
 
 
 @cache
-def _package_hash(name: str) -> str:
+def _hash_package(name: str) -> str:
     """Hash of all that a package says, without what stands `APART` in it, and of the libraries below it."""
     apart = [path_of(part) for part in APART if part != name]
     folders = {path.parent if path.stem == "__init__" else path for path in apart}
     files = [path for path in _files_of(name) if not folders & {path, *path.parents}]
-    said = [
-        computed(*_syntax(path).body) if path.suffix == ".py" else path.read_bytes().hex()
+    texts = [
+        computed_text(*_read_syntax(path).body) if path.suffix == ".py" else path.read_bytes().hex()
         for path in files
     ]
     versions = ["{}.{}".format(*sys.version_info), *map(version, LIBRARIES)]
-    return _hash("\n".join([*versions, *said]))
+    return _hash_text("\n".join([*versions, *texts]))
 
 
 def path_of(module: str) -> Path:
@@ -119,17 +125,17 @@ def path_of(module: str) -> Path:
 
 def _files_of(name: str) -> list[Path]:
     path = path_of(name)
-    found = path.parent.rglob("*") if path.stem == "__init__" else [path]
-    return sorted(path for path in found if path.suffix in (".py", *DATA))
+    files = path.parent.rglob("*") if path.stem == "__init__" else [path]
+    return sorted(path for path in files if path.suffix in (".py", *DATA))
 
 
-def _project() -> str:
+def _hash_project() -> str:
     """Hash of the project's files as they are now."""
-    files = [path for name in (OWN, *BELOW) for path in _files_of(name)]
+    files = [path for name in (STUDIES, *BELOW) for path in _files_of(name)]
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
-_LOADED, _prompt = _project(), ""
+_LOADED, _prompt = _hash_project(), ""
 
 
 def read_anew() -> None:
@@ -139,14 +145,14 @@ def read_anew() -> None:
     folder_hash.cache_clear()
 
 
-def _hash(text: str) -> str:
+def _hash_text(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _plain(value: Any) -> Any:
+def _plain_value(value: Any) -> Any:
     """What JSON can say of an argument."""
     if callable(value):
-        return f"{value.__module__}.{value.__qualname__} {decides(value)}"
+        return f"{value.__module__}.{value.__qualname__} {hash_sources(value)}"
     if hasattr(value, "text"):  # a scenario
         return value.text
     if is_dataclass(value):
@@ -174,14 +180,14 @@ WORDS = {
 
 
 @cache
-def _syntax(path: Path) -> ast.Module:
+def _read_syntax(path: Path) -> ast.Module:
     """The tree of a file, without strings that stand alone, which are docstrings, and without looks."""
     tree = ast.parse(path.read_bytes() if path.is_file() else b"")
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list) and any(map(_is_bare, body)):
-            kept = [statement for statement in body if not _is_bare(statement)]
-            node.body = kept or [ast.copy_location(ast.Pass(), body[0])]  # type: ignore[attr-defined]
+            statements = [statement for statement in body if not _is_bare(statement)]
+            node.body = statements or [ast.copy_location(ast.Pass(), body[0])]  # type: ignore[attr-defined]
         part = getattr(getattr(node, "func", None), "id", "")
         if isinstance(node, ast.Call) and part in WORDS:
             node.args = [x for k, x in enumerate(node.args) if k not in WORDS[part]]
@@ -193,65 +199,65 @@ def _is_bare(node: ast.AST) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
-def computed(*nodes: ast.stmt) -> str:
+def computed_text(*nodes: ast.stmt) -> str:
     """What statements compute, as text: their bytecode, which has numbers in place of the names of local variables."""
-    return _code(compile(ast.Module(list(nodes), []), "", "exec", dont_inherit=True))
+    return _code_text(compile(ast.Module(list(nodes), []), "", "exec", dont_inherit=True))
 
 
-def _code(code: CodeType) -> str:
+def _code_text(code: CodeType) -> str:
     constants = [
-        _code(x)
+        _code_text(x)
         if isinstance(x, CodeType)
         else repr(sorted(map(repr, x)) if isinstance(x, frozenset) else x)
         for x in code.co_consts
     ]
     # a caller may use the names of parameters, though not of a lambda's
     named = 0 if code.co_name == "<lambda>" else code.co_argcount + code.co_kwonlyargcount
-    about = code.co_name, code.co_flags, code.co_names, code.co_varnames[:named]
-    return repr((*about, code.co_code, code.co_exceptiontable, constants))
+    head = code.co_name, code.co_flags, code.co_names, code.co_varnames[:named]
+    return repr((*head, code.co_code, code.co_exceptiontable, constants))
 
 
 @cache
-def _definitions(module: str) -> dict[str, list[ast.stmt]]:
+def _definitions_of(module: str) -> dict[str, list[ast.stmt]]:
     """Top-level statements of a module by the names that they bind."""
-    found: dict[str, list[ast.stmt]] = {}
-    for node in _syntax(path_of(module)).body:
+    statements: dict[str, list[ast.stmt]] = {}
+    for node in _read_syntax(path_of(module)).body:
         bound = [getattr(node, "name", "")]
         if not isinstance(node, ast.FunctionDef | ast.ClassDef):
-            bound = [one.id for one in ast.walk(node)
-                     if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)]  # fmt: skip
+            names = [inner for inner in ast.walk(node) if isinstance(inner, ast.Name)]
+            bound = [name.id for name in names if isinstance(name.ctx, ast.Store)]
         for name in bound:
-            found.setdefault(name, []).append(node)
-    return found
+            statements.setdefault(name, []).append(node)
+    return statements
 
 
 @cache
-def _imports(module: str) -> dict[str, Name]:
+def _imports_of(module: str) -> dict[str, Name]:
     """What names of a module are imported, wherever: the module that they are of, and the name there."""
-    found: dict[str, Name] = {}
-    for node in ast.walk(_syntax(path_of(module))):
+    targets: dict[str, Name] = {}
+    for node in ast.walk(_read_syntax(path_of(module))):
         if isinstance(node, ast.Import | ast.ImportFrom):
-            of = getattr(node, "module", "")
-            found |= {
-                one.asname or one.name: (of, one.name) if of else (one.name, "")
-                for one in node.names
-            }
-    return {name: one for name, one in found.items() if one[0].partition(".")[0] in (OWN, *BELOW)}
+            source = getattr(node, "module", "")
+            for alias in node.names:
+                target = (source, alias.name) if source else (alias.name, "")
+                if target[0].partition(".")[0] in (STUDIES, *BELOW):
+                    targets[alias.asname or alias.name] = target
+    return targets
 
 
-def _named_in(node: ast.stmt, module: str) -> Iterator[Name]:
+def _names_in(node: ast.stmt, module: str) -> Iterator[Name]:
     """Definitions and data files that a statement of a module names."""
-    own, imports = _definitions(module), _imports(module)
-    for one in ast.walk(node):
-        if isinstance(one, ast.Name) and one.id in own:
-            yield module, one.id
-        elif isinstance(one, ast.Name) and one.id in imports:
-            yield imports[one.id]
-        elif isinstance(one, ast.Attribute) and getattr(one.value, "id", "") in imports:
-            target, name = imports[one.value.id]  # type: ignore[attr-defined]
-            yield f"{target}.{name}".strip("."), one.attr  # of a module
-        elif isinstance(one, ast.Constant) and str(one.value).endswith(DATA):
-            file = path_of(module).with_name(str(one.value))
+    definitions, imports = _definitions_of(module), _imports_of(module)
+    for part in ast.walk(node):
+        if isinstance(part, ast.Name) and part.id in definitions:
+            yield module, part.id
+        elif isinstance(part, ast.Name) and part.id in imports:
+            yield imports[part.id]
+        elif isinstance(part, ast.Attribute) and getattr(part.value, "id", "") in imports:
+            target, name = imports[part.value.id]  # type: ignore[attr-defined]
+            yield f"{target}.{name}".strip("."), part.attr  # of a module
+        elif isinstance(part, ast.Constant) and str(part.value).endswith(DATA):
+            file = path_of(module).with_name(str(part.value))
             if file.is_file():
                 yield str(file), ""
 
@@ -273,7 +279,7 @@ def folder_hash(file: str) -> str:
     if not file:
         return _prompt
     files = [Path(file)] if file.endswith(DATA) else files_beside(file)
-    return _hash("".join(f"{path} {path.read_bytes().hex()}" for path in files))
+    return _hash_text("".join(f"{path} {path.read_bytes().hex()}" for path in files))
 
 
 def files_beside(file: str) -> list[Path]:
@@ -292,6 +298,8 @@ def files_beside(file: str) -> list[Path]:
                 f"{file}: its folder has more than {MOST_FILES} Python and data files, and each may decide its rows; "
                 "move it to a folder of its own"
             )
-    return sorted(
-        path for path in files if not any(os.path.samestat(path.stat(), one) for one in printed)
-    )
+    sources = []
+    for path in files:
+        if not any(os.path.samestat(path.stat(), output) for output in printed):
+            sources.append(path)
+    return sorted(sources)

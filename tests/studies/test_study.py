@@ -18,7 +18,7 @@ import pytest
 
 from studies import StudyError, WorkerLost
 from studies.runner import row_key, workers
-from studies.runner.row_key import ROWS, decides, folder_hash
+from studies.runner.row_key import ROWS, folder_hash, hash_sources
 from studies.runner.rows import append_rows, markdown_table, read_rows, write_table
 from studies.runner.study import run_study
 from tests.studies import made_study
@@ -226,7 +226,7 @@ def key(monkeypatch, tmp_path, source):
         """Stands for the one in the file."""
 
     run.__module__, run.__qualname__ = name, "run"
-    return decides(run)
+    return hash_sources(run)
 
 
 original = sys.modules["studies.runner.row_key"].path_of
@@ -261,14 +261,16 @@ def test_a_row_depends_on_what_its_function_names(monkeypatch, tmp_path, old, ne
 def test_what_no_run_uses_counts_where_it_is_named(monkeypatch, edited, part):
     """Estimations of measured runs, kits and citations stand apart."""
     parts = ("alloc", "mpc", *row_key.APART)
-    before = {name: row_key._package_hash(name) for name in parts}
-    read = row_key._syntax
+    before = {name: row_key._hash_package(name) for name in parts}
+    read = row_key._read_syntax
     monkeypatch.setattr(
-        row_key, "_syntax", lambda path: ast.parse("x = 1") if path.match(edited) else read(path)
+        row_key,
+        "_read_syntax",
+        lambda path: ast.parse("x = 1") if path.match(edited) else read(path),
     )
-    row_key._package_hash.cache_clear()
-    after = {name: row_key._package_hash(name) for name in parts}
-    row_key._package_hash.cache_clear()
+    row_key._hash_package.cache_clear()
+    after = {name: row_key._hash_package(name) for name in parts}
+    row_key._hash_package.cache_clear()
     assert [name for name in parts if before[name] != after[name]] == [part]
 
 
