@@ -17,7 +17,7 @@ from studies.runner.study import Cell, Row
 
 MOST_FAILURES = 0.05
 """Share of its calls in which the solver of a rule or a controller may fail in a run that counts. Beyond, the run is also
-that of what answers in its place: its row is degraded, and enters no mean."""
+a run of what answers in its place: its row is degraded, and enters no mean."""
 
 Measure = Callable[[xr.Dataset], Row]
 """A function of a module that adds columns from a recorded run."""
@@ -53,9 +53,9 @@ def run(
 
     `rule_gap` is how far the answers of the rule's solver were from the certified ones, over the plan; nan without a solver.
     """
-    found = recorded(scenario, rule, controller, seed)
-    row = evaluate(found) | {"rule_gap": found.attrs["rule_gap"]}
-    return row | (measure(found) if measure else {}) | status(found)
+    record = recorded(scenario, rule, controller, seed)
+    row = evaluate(record) | {"rule_gap": record.attrs["rule_gap"]}
+    return row | (measure(record) if measure else {}) | status(record)
 
 
 def recorded(scenario: Scenario, rule: str, controller: str, seed: int) -> xr.Dataset:
@@ -69,10 +69,10 @@ def event_of(scenario: Scenario, seed: int) -> Event:
     return scenario.event(seed)
 
 
-def status(found: xr.Dataset) -> Row:
+def status(record: xr.Dataset) -> Row:
     """Whether rule and controller worked in a run: nothing, or degraded with the reason."""
     for part in ("rule", "controller"):
-        calls, failures = found.attrs[f"{part}_calls"], found.attrs[f"{part}_failures"]
+        calls, failures = record.attrs[f"{part}_calls"], record.attrs[f"{part}_failures"]
         if failures > MOST_FAILURES * calls:
             reason = f"the solver of the {part} failed in {failures / calls:.1%} of {calls} calls"
             return {"status": "degraded", "reason": reason}
@@ -92,15 +92,15 @@ def paired(
     rows: pd.DataFrame,
     controller: str,
     rule: str,
-    others: Iterable[str],
+    compared: Iterable[str],
     drawn: Iterable[str] = (),
 ) -> pd.DataFrame:
-    """One row per event: what was `drawn`, the numbers of `rule`, and those of each other rule as number_other.
+    """One row per event: what was `drawn`, the numbers of `rule`, and those of each rule `compared` as number_rule.
 
     A number that `rule` has under another controller is not among them: rows of one event and one controller are paired.
     """
-    own = rows[rows["controller"] == controller].set_index("scenario")
-    numbers = own.select_dtypes("number").columns.difference([*drawn, *BOOKKEEPING, "seed"])
-    parts = [own.loc[own["rule"] == rule, [*drawn, *numbers]]]
-    parts += [own.loc[own["rule"] == one, numbers].add_suffix(f"_{one}") for one in others]
+    under = rows[rows["controller"] == controller].set_index("scenario")
+    numbers = under.select_dtypes("number").columns.difference([*drawn, *BOOKKEEPING, "seed"])
+    parts = [under.loc[under["rule"] == rule, [*drawn, *numbers]]]
+    parts += [under.loc[under["rule"] == name, numbers].add_suffix(f"_{name}") for name in compared]
     return pd.concat(parts, axis=1)

@@ -1,6 +1,6 @@
 """This software and the publications that it names: `citations.bib` has each by what docstrings call it, and as BibTeX.
 
-A file names its source in a docstring or a comment; `uses` finds which of `CITATIONS` texts name.
+A file names its source in a docstring or a comment; `find_uses` finds which of `CITATIONS` texts name.
 """
 
 import re
@@ -19,11 +19,11 @@ class Citation:
         self.bibtex = re.sub(r"  marks = .*\n", "", entry).strip()
 
     @property
-    def words(self) -> str:
+    def reference(self) -> str:
         """Authors or holder, title, and where it was published, in one line."""
         by = self.fields.get("holder") or self.fields.get("author", "").replace(" and ", ", ")
-        names = ("journal", "booktitle", "institution", "number", "volume", "pages", "year", "version",
-                 "license")  # fmt: skip
+        names = ["journal", "booktitle", "institution", "number", "volume", "pages", "year"]
+        names += ["version", "license"]
         where = ", ".join(self.fields[name] for name in names if name in self.fields)
         parts = (part.rstrip(".") for part in (by, self.fields["title"], where) if part)
         return f"{'. '.join(parts)}."
@@ -42,12 +42,12 @@ CITATIONS = tuple(map(Citation, re.split(r"^(?=@)", _TEXT, flags=re.MULTILINE)[1
 """In the order of the file."""
 
 
-def uses(texts: Mapping[str, str]) -> dict[Citation, list[str]]:
+def find_uses(texts: Mapping[str, str]) -> dict[Citation, list[str]]:
     """Which of the things in `texts`, each with what is written about it, names which publication."""
     plain = {thing: " ".join(text.split()) for thing, text in texts.items()}  # names may be broken
-    found = {}
-    for one in CITATIONS:
-        mark = re.compile(rf"(?<!\w)({'|'.join(map(re.escape, one.marks))})(?!\w)")
-        if named := [thing for thing, text in plain.items() if mark.search(text)]:
-            found[one] = named
-    return found
+    uses = {}
+    for citation in CITATIONS:
+        mark = re.compile(rf"(?<!\w)({'|'.join(map(re.escape, citation.marks))})(?!\w)")
+        if things := [thing for thing, text in plain.items() if mark.search(text)]:
+            uses[citation] = things
+    return uses

@@ -43,7 +43,7 @@ if TYPE_CHECKING:  # a command imports what it needs: the help is there at once
 
 FAILED, BAD_INPUT, UNREAD = 1, 2, 141
 LONGEST = 1500
-"""Letters of a message; what was given may be longer."""
+"""Letters of a message; a value in it may be longer."""
 
 app = App(
     name="readhesion",
@@ -83,25 +83,24 @@ def compare(
     from studies.files.scenario_files import load_scenario
     from studies.runner.plugins import try_own_parts
 
-    chosen = comparison.grid(
-        [load_scenario(name) for name in scenario or ()], rules, controllers, seeds
-    )
+    scenarios = [load_scenario(name) for name in scenario or ()]
+    chosen = comparison.grid(scenarios, rules, controllers, seeds)
     folder = work.out / "compare"
     if not work.dry_run:
-        for one in chosen.scenarios:
-            _say(*find_remarks(one.event()))
+        for event in chosen.scenarios:
+            _print_messages(*find_remarks(event.event()))
         try_own_parts(chosen.rules, chosen.controllers)
-    made = _made(comparison.study_of(chosen), folder, work)
-    if made is None:
+    results = _run_study(comparison.study_of(chosen), folder, work)
+    if results is None:
         return 0
-    rows, _ = made
+    rows, _ = results
     if work.as_json:
         _print_json(comparison.as_json(rows))
     else:
-        found = comparison.standings(rows)
-        print("\n".join([comparison.answer(found), *comparison.lines(found)]))
+        standings = comparison.standings(rows)
+        print("\n".join([comparison.answer(standings), *comparison.lines(standings)]))
         shown = "" if work.out == Path("results") else f" --results {work.out}"
-        print(f"{_counted(rows)} in {folder}; next: readhesion report{shown}")
+        print(f"{_count_rows(rows)} in {folder}; next: readhesion report{shown}")
     return 0 if (rows["status"] == "ok").any() else FAILED
 
 
@@ -145,15 +144,15 @@ def simulate(
     check_file(out, ".nc", ".mat")
     check_file(figure, ".pdf", ".png", ".svg")
     if DRAWN.fullmatch(event.name) is None:
-        _say(*find_remarks(event.event(seed)))
+        _print_messages(*find_remarks(event.event(seed)))
     elif seed != event.first_seed:
-        _say(
+        _print_messages(
             f"seed {seed} draws other errors than the rows of {event.name}, which have seed {event.first_seed}"
         )
     try_own_parts([rule], [controller])
     run = recorded(event, rule, controller, seed)
-    own = {*METRICS} > {*METRICS.shipped()}
-    with blamed_on("metrics") if own else nullcontext():
+    of_user = {*METRICS} > {*METRICS.shipped()}
+    with blamed_on("metrics") if of_user else nullcontext():
         values = evaluate(run)
     if out is not None:
         save(run, out)
@@ -163,22 +162,28 @@ def simulate(
 
         paper_figs.save(lambda: course(run), figure)
     if as_json:
-        about = {"scenario": event.name, "rule": rule, "controller": controller, "seed": seed}
-        _print_json({**about, "metrics": values})
+        names = {"scenario": event.name, "rule": rule, "controller": controller, "seed": seed}
+        _print_json({**names, "metrics": values})
         return
     shown = HEADLINES if not every else tuple(values)
     print(f"{event.name}: {rule}, {controller}, seed {seed}")
     for name in shown:
-        told = "–" if values[name] != values[name] else f"{values[name]:.4g}"
+        number = "–" if values[name] != values[name] else f"{values[name]:.4g}"
         unit, meaning = METRICS[name].unit.removeprefix("1"), METRICS[name].description
-        _print_line(f"  {name:19}{told:>9} {unit:6}", meaning)
+        _print_line(f"  {name:19}{number:>9} {unit:6}", meaning)
     if not every:
         print(f"  {len(values) - len(shown)} more: --all")
 
 
 HEADLINES = (
-    "bound_use", "headroom", "over_delivery", "acceleration_ratio", "slip_time", "damage", "jerk_rms",
-)  # fmt: skip
+    "bound_use",
+    "headroom",
+    "over_delivery",
+    "acceleration_ratio",
+    "slip_time",
+    "damage",
+    "jerk_rms",
+)
 """Metrics that are printed of a run where not all are asked for."""
 
 
@@ -195,8 +200,8 @@ def sweep(
     """
     from studies.runner.catalogue import find_study
 
-    found = find_study(study)
-    return _asked(found, work.out / found.name, events, seed, work)
+    chosen = find_study(study)
+    return _print_answer(chosen, work.out / chosen.name, events, seed, work)
 
 
 @app.command
@@ -220,7 +225,7 @@ def benchmark(
 
     check_file(store, ".parquet")
     folder = work.out / "benchmark"
-    code = _asked(bench.STUDY, folder, events, seed, work)
+    code = _print_answer(bench.STUDY, folder, events, seed, work)
     if store is not None and not work.dry_run and code == 0:
         bench.store(pd.read_parquet(folder / "rows.parquet"), store)
     return code
@@ -245,52 +250,54 @@ def rank(
     """
     from studies import benchmark as bench
 
-    said = {}
+    tables_of_parts = {}
     for pair in bench.pairs_of(part, under):
         study = bench.own_study(*pair)
-        made = _made(study, work.out / study.name, work, events)
-        if made is None:
+        results = _run_study(study, work.out / study.name, work, events)
+        if results is None:
             continue
-        rows, tables = made
+        rows, tables = results
         if not tables:
-            return _all_failed(study, rows)
+            return _report_failure(study, rows)
         if work.as_json:
-            said[bench.named(*pair)[0]] = tables
+            tables_of_parts[bench.named(*pair)[0]] = tables
         else:
             print("\n".join(bench.told(pair, tables)))
-            print(f"{_counted(rows)} in {work.out / study.name}")
+            print(f"{_count_rows(rows)} in {work.out / study.name}")
     if work.as_json:
-        _print_json(said)
+        _print_json(tables_of_parts)
     if bench.is_stale():
-        _say(
+        _print_messages(
             "the stored rows are of other sources of alloc or mpc; readhesion benchmark computes them anew"
         )
     return 0
 
 
-def _asked(study: "Study", folder: Path, events: int | None, seed: int | None, work: Sweep) -> int:
+def _print_answer(
+    study: "Study", folder: Path, events: int | None, seed: int | None, work: Sweep
+) -> int:
     """Run a study and print its tables; the exit code."""
     from studies.runner.rows import markdown_table
     from studies.statistics import told
 
-    made = _made(study, folder, work, events, seed)
-    if made is None:
+    results = _run_study(study, folder, work, events, seed)
+    if results is None:
         return 0
-    rows, tables = made
+    rows, tables = results
     if not tables:
-        return _all_failed(study, rows)
+        return _report_failure(study, rows)
     if work.as_json:
         _print_json(tables)
     else:
-        shown = [told(one) if kind == "statements" else one for kind, one in tables.items()]
+        shown = [told(table) if name == "statements" else table for name, table in tables.items()]
         print("\n".join([study.question, "", *map(markdown_table, shown)]))
         written = "tables and figure" if study.figure else "tables"
-        print(f"{_counted(rows)}, {written} in {folder}")
+        print(f"{_count_rows(rows)}, {written} in {folder}")
     return 0
 
 
-def _all_failed(study: "Study", rows: "pd.DataFrame") -> int:
-    _say(f"all of {study.name} failed: {rows['reason'].iloc[0]}")
+def _report_failure(study: "Study", rows: "pd.DataFrame") -> int:
+    _print_messages(f"all of {study.name} failed: {rows['reason'].iloc[0]}")
     return FAILED
 
 
@@ -319,19 +326,20 @@ def figures(
     from studies.runner.catalogue import find_study
 
     chosen = paper_figs.chosen_figures(names, source)
-    for study in sorted({one.study for one in chosen.values() if one.study}):
+    for study in sorted({figure.study for figure in chosen.values() if figure.study}):
         folder = results / study
         if (folder / "rows.parquet").is_file():
             continue
         if not names and source is None:
             command = study if study == "compare" else f"sweep {study}"
             print(f"left out for want of rows: those of readhesion {command}")
-            chosen = {name: one for name, one in chosen.items() if one.study != study}
+            chosen = {name: figure for name, figure in chosen.items() if figure.study != study}
         elif study == "compare":
             raise StudyError(f"there are no rows in {folder}; run readhesion compare first")
         else:
-            print(f"{study}: " * work.dry_run, end="")
-            _made(find_study(study), folder, work)
+            if work.dry_run:
+                print(f"{study}: ", end="")
+            _run_study(find_study(study), folder, work)
     if work.dry_run:
         print(f"{len(chosen)} figures to draw")
         return
@@ -351,18 +359,20 @@ def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
     from studies.files.toml_keys import suggest_name
     from studies.runner.catalogue import KINDS
 
-    figures = paper_figs.all_figures
-    kinds = KINDS | {"figures": lambda: {name: one.caption for name, one in figures().items()}}
+    def list_figures() -> dict[str, str]:
+        return {name: figure.caption for name, figure in paper_figs.all_figures().items()}
+
+    kinds = KINDS | {"figures": list_figures}
     if kind not in (None, *kinds):
         raise StudyError(f"unknown kind {kind!r}{suggest_name(str(kind), kinds)}")
-    found = {name: names() for name, names in kinds.items() if kind in (None, name)}
+    lists = {name: names() for name, names in kinds.items() if kind in (None, name)}
     if as_json:
-        _print_json(found)
+        _print_json(lists)
         return
-    for title, names in found.items():
+    for title, names in lists.items():
         print(f"{title}:")
-        for name, words in names.items():
-            _print_line(f"  {name:21} ", words)
+        for name, meaning in names.items():
+            _print_line(f"  {name:21} ", meaning)
 
 
 @app.command
@@ -390,7 +400,7 @@ def check(name: str, *, tolerance: float = 1e-6, as_json: Json = False) -> int:
         _print_json(verdicts)
     else:
         print(*verdicts.values(), sep="\n")
-    _say(*broken)
+    _print_messages(*broken)
     return FAILED if broken else 0
 
 
@@ -405,10 +415,10 @@ def report(
         out: HTML file.
         events: Scenarios that are replayed [default: the three in which rules differ most].
     """
-    from studies.command.report import write
+    from studies.command.report import write_report
 
     check_file(out, ".html")
-    write(results / "compare", out, events or ())
+    write_report(results / "compare", out, events or ())
     print(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 
@@ -455,14 +465,15 @@ def cite(*, as_bibtex: Annotated[Flag, Parameter("--bibtex")] = False) -> None:
     """
     from studies.command.citations import CITATIONS
 
-    for one in CITATIONS:
-        print(one.bibtex if as_bibtex else f"{one.words} {one.address}".strip())
+    for citation in CITATIONS:
+        reference = f"{citation.reference} {citation.address}".strip()
+        print(citation.bibtex if as_bibtex else reference)
 
 
 # what commands share
 
 
-def _made(
+def _run_study(
     study: "Study", folder: Path, work: Work, events: int | None = None, seed: int | None = None
 ) -> "tuple[pd.DataFrame, dict[str, pd.DataFrame]] | None":
     """The rows of a study and its tables, written with its figure; of a dry run None, and a forecast."""
@@ -473,19 +484,19 @@ def _made(
     jobs = work.jobs or count_cores()
     if work.dry_run:
         cells, lacking, seconds = count_missing(study, folder, events, seed)
-        told = ": no stored run says how long one takes" if lacking else ""
+        forecast = ": no stored run says how long one takes" if lacking else ""
         if lacking and seconds == seconds:
             minutes, rest = divmod(round(lacking * seconds / jobs), 60)
-            told = f": about {minutes} min {rest} s in {jobs} processes"
-        print(f"{cells} runs, of which {lacking} are to be made{told}")
+            forecast = f": about {minutes} min {rest} s in {jobs} processes"
+        print(f"{cells} runs, of which {lacking} are to be made{forecast}")
         return None
-    given = jobs, work.scheduler, work.retry_failed
-    rows = run_study(study, folder, events, seed, *given, quiet=False)
+    workers = jobs, work.scheduler, work.retry_failed
+    rows = run_study(study, folder, events, seed, *workers, quiet=False)
     with styled():
         return rows, write_results(study, rows, folder)
 
 
-def _counted(rows: "pd.DataFrame") -> str:
+def _count_rows(rows: "pd.DataFrame") -> str:
     bad = rows.loc[rows["status"] != "ok", "status"].value_counts()
     return f"{len(rows)} rows" + "".join(f", {n} {status}" for status, n in bad.items())
 
@@ -502,7 +513,7 @@ def _print_line(head: str, text: str) -> None:
     print(fill(text, width, initial_indent=head, subsequent_indent=" " * min(len(head), 38)))
 
 
-def _say(*messages: str) -> None:
+def _print_messages(*messages: str) -> None:
     """Each in one line on stderr."""
     for message in messages:
         line = " ".join(message.split())
@@ -535,7 +546,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code. What goes wrong is one line on stderr."""
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: _say(str(message))
+            warnings.showwarning = lambda message, *_, **__: _print_messages(str(message))
             code = app.meta(arguments, **RETURNING)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
@@ -544,20 +555,20 @@ def run(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return UNREAD
     except UnusedCliTokensError as error:
-        words = ", ".join(map(repr, error.unused_tokens or ()))
-        _say(f"{words}: no option takes this; --help has the options")
+        tokens = ", ".join(map(repr, error.unused_tokens or ()))
+        _print_messages(f"{tokens}: no option takes this; --help has the options")
     except (CycloptsError, InputError) as error:
-        _say(str(error))
+        _print_messages(str(error))
     except OSError as error:
         named = error.filename is not None and error.strerror
-        _say(f"file {str(error.filename)!r}: {error.strerror}" if named else str(error))
+        _print_messages(f"file {str(error.filename)!r}: {error.strerror}" if named else str(error))
     except (UnsoundRun, WorkerLost) as error:
-        _say(str(error))
+        _print_messages(str(error))
         return FAILED
     return BAD_INPUT
 
 
-def _stop(number: int, frame: object) -> None:
+def _interrupt(number: int, frame: object) -> None:
     raise KeyboardInterrupt(number)
 
 
@@ -568,12 +579,12 @@ def main() -> None:
             stream.reconfigure(errors="replace")  # a terminal may know plain letters only
     signals = (signal.SIGINT, signal.SIGTERM)
     for number in signals:
-        signal.signal(number, _stop)
+        signal.signal(number, _interrupt)
     try:
         code = run()
     except KeyboardInterrupt as stopped:
         code = 128 + (stopped.args[0] if stopped.args else signal.SIGINT)
-        _say("; ".join(["stopped", *getattr(stopped, "__notes__", ())]))
+        _print_messages("; ".join(["stopped", *getattr(stopped, "__notes__", ())]))
     for number in signals:  # nothing is left to stop
         signal.signal(number, signal.SIG_IGN)
     sys.exit(code)

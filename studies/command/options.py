@@ -11,26 +11,26 @@ from cyclopts import Parameter, Token
 from studies import StudyError
 
 
-def _whole(least: int, most: int) -> Parameter:
+def _whole_number(least: int, most: int) -> Parameter:
     """A whole number within these; the library would round 1.5."""
 
-    def convert(_: type, tokens: Sequence[Token]) -> int:
-        given = tokens[0].value
-        if not given.removeprefix("-").isdecimal():
-            raise ValueError(f"{given!r} is not a whole number")
-        if not least <= int(given) <= most:
-            raise ValueError(f"{given}: give a whole number from {least} to {most}")
-        return int(given)
+    def read_number(_: type, tokens: Sequence[Token]) -> int:
+        text = tokens[0].value
+        if not text.removeprefix("-").isdecimal():
+            raise ValueError(f"{text!r} is not a whole number")
+        if not least <= int(text) <= most:
+            raise ValueError(f"{text}: give a whole number from {least} to {most}")
+        return int(text)
 
-    return Parameter(converter=convert, n_tokens=1)
+    return Parameter(converter=read_number, n_tokens=1)
 
 
-def _names(_: type, tokens: Sequence[Token]) -> list[str]:
+def _read_names(_: type, tokens: Sequence[Token]) -> list[str]:
     """Several names, one by one or with commas."""
-    found = [part.strip() for one in tokens for part in one.value.split(",")]
-    if not any(found):
+    names = [part.strip() for token in tokens for part in token.value.split(",")]
+    if not any(names):
         raise ValueError("it has no name; `readhesion list` has them")
-    return list(dict.fromkeys(filter(None, found)))
+    return list(dict.fromkeys(filter(None, names)))
 
 
 def check_file(path: Path | None, *endings: str) -> None:
@@ -45,12 +45,12 @@ def check_file(path: Path | None, *endings: str) -> None:
         raise StudyError(f"file {str(path)!r} cannot be written{reason}")
 
 
-Seed = Annotated[int, _whole(0, 2**31 - 1)]
-Count = Annotated[int, _whole(1, 1_000_000)]
-Jobs = Annotated[int, _whole(1, 16 * (os.cpu_count() or 1))]
+Seed = Annotated[int, _whole_number(0, 2**31 - 1)]
+Count = Annotated[int, _whole_number(1, 1_000_000)]
+Jobs = Annotated[int, _whole_number(1, 16 * (os.cpu_count() or 1))]
 Names = Annotated[
     list[str] | None,
-    Parameter(consume_multiple=True, negative_iterable=(), converter=_names),
+    Parameter(consume_multiple=True, negative_iterable=(), converter=_read_names),
 ]
 Flag = Annotated[bool, Parameter(negative=())]
 Json = Annotated[Flag, Parameter("--json")]

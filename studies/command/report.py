@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from html import escape
 from inspect import getsource
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from alloc.plant import curves
 from alloc.rules import RULES
 from alloc.run.recording import provenance
 from studies import StudyError
-from studies.command.citations import uses
+from studies.command.citations import find_uses
 from studies.compare import EFFORT, REFERENCE, Standing, answer, by_controller, informed, standings
 from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario, shipped_names
@@ -37,7 +38,7 @@ MOST_NUMBERS = 1_300_000
 """In all replays together, about 5 bytes each: with plotly's 4.8 MB the page stays below 12 MB."""
 
 
-def write(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
+def write_report(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
     """Write the page of the comparison whose rows are in `folder` to `out`, with replays of `events`.
 
     Events are scenarios that ship, or TOML files. Raises `StudyError` where there is no comparison, where a part of it is
@@ -50,41 +51,41 @@ def write(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
     except ImportError:
         needs = "a report needs jinja2 and plotly: pip install 'readhesion[report]'"
         raise StudyError(needs) from None
-    rows = _rows(folder)
-    found = standings(rows)
-    laws = by_controller(found)
-    replays, left_out = _replays(rows, found, laws, _replayed(rows, events))
+    rows = _read_rows(folder)
+    places = standings(rows)
+    by_name = by_controller(places)
+    replays, left_out = _compute_replays(rows, places, by_name, _choose_events(rows, events))
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # names in our order
     text = environment.from_string(Path(__file__).with_suffix(".html").read_text("utf-8")).render(
         plotly=Markup(get_plotlyjs()),
         reference=REFERENCE if REFERENCE in rows["rule"].values else "",
-        answer=answer(found).splitlines(),
+        answer=answer(places).splitlines(),
         about={kind: rows[kind].nunique() for kind in ("scenario", "rule", "controller", "seed")},
         runs=len(rows),
-        forests=[_forest(law, own) for law, own in laws.items()],
-        told=informed([one.rule for one in found]),
-        numbers=Markup(_numbers(found)),
-        metrics=Markup(_metrics(rows)),
-        failed=Markup(_failed(rows)),
-        events={law: Markup(_by_event(rows[rows["controller"] == law])) for law in laws},
+        forests=[_forest_of(controller, under) for controller, under in by_name.items()],
+        informed=informed([place.rule for place in places]),
+        numbers=Markup(_number_table(places)),
+        metrics=Markup(_metric_table(rows)),
+        failed=Markup(_failure_table(rows)),
+        events={name: Markup(_event_table(rows[rows["controller"] == name])) for name in by_name},
         replays=replays,
         left_out=left_out,
         computed=pd.to_datetime(rows["batch"].max()).strftime("%d %B %Y, %H:%M UTC"),
-        made=provenance(),
-        sources=_sources(found),
+        provenance=provenance(),
+        sources=_cited_sources(places),
     )
     write_whole(out, partial(Path.write_text, data=text, encoding="utf-8"))
 
 
-def _rows(folder: Path) -> pd.DataFrame:
+def _read_rows(folder: Path) -> pd.DataFrame:
     path = folder / "rows.parquet"
     if not path.is_file():
         raise StudyError(f"{folder} has no comparison: run readhesion compare first")
     rows = pd.read_parquet(path)
-    for kind, known in (("rule", list(RULES)), ("controller", list(CONTROLLERS))):
+    for kind, parts in (("rule", list(RULES)), ("controller", list(CONTROLLERS))):
         for name in rows[kind].unique():
-            if name not in known:
+            if name not in parts:
                 raise StudyError(
                     f"the {kind} {name!r} of this comparison is not registered: "
                     "run readhesion --plugin FILE report with the file that registers it"
@@ -97,64 +98,71 @@ def _rows(folder: Path) -> pd.DataFrame:
 # tables and forests
 
 
-def _forest(law: str, found: Sequence[Standing]) -> dict[str, Any]:
+def _forest_of(controller: str, places: Sequence[Standing]) -> dict[str, Any]:
     """Gains over the reference [points] under a controller, for the page to draw; the best last, which is on top."""
-    own = [one for one in found if one.rule != REFERENCE][::-1]
-    ends = [(one.gain.low, one.gain.high) if one.gain.low < one.gain.high else one.gain[:1] * 2
-            for one in own]  # fmt: skip
+    drawn = [place for place in places if place.rule != REFERENCE][::-1]
+    gains = [place.gain for place in drawn]
+    spans = [
+        (gain.value - gain.low, gain.high - gain.value) if gain.low < gain.high else (0.0, 0.0)
+        for gain in gains
+    ]
     return {
-        "controller": law,
-        "labels": [escape(one.name) for one in own],  # plotly reads labels as HTML
-        "gain": [100.0 * one.gain.value for one in own],
-        "less": [100.0 * (one.gain.value - low) for one, (low, _) in zip(own, ends, strict=True)],
-        "more": [100.0 * (high - one.gain.value) for one, (_, high) in zip(own, ends, strict=True)],
-        "colours": [RULES[one.rule].colour for one in own],
-        "symbols": ["circle-open" if one.mark else "circle" for one in own],
+        "controller": controller,
+        "labels": [escape(place.name) for place in drawn],  # plotly reads labels as HTML
+        "gain": [100.0 * gain.value for gain in gains],
+        "less": [100.0 * less for less, _ in spans],
+        "more": [100.0 * more for _, more in spans],
+        "colours": [RULES[place.rule].colour for place in drawn],
+        "symbols": ["circle-open" if place.mark else "circle" for place in drawn],
     }
 
 
-def _numbers(found: Sequence[Standing]) -> str:
+def _number_table(places: Sequence[Standing]) -> str:
     """Standings in words that sort by their first number."""
-    return _table(pd.DataFrame([{
-        "rule": one.name,
-        "controller": one.controller,
-        "bound used [%]": one.used.text(1, 100.0),
-        f"points over {REFERENCE}": one.gain.text(2, 100.0, sign=True),
-        "wheel damage [kJ]": one.damage.text(1, sign=True),
-        "slip [axle s]": one.slip.text(1, sign=True),
-        "beyond the plan [%]": f"{100.0 * one.over:.2f}",
-    } for one in found]))  # fmt: skip
+    rows = [
+        {
+            "rule": place.name,
+            "controller": place.controller,
+            "bound used [%]": place.used.text(1, 100.0),
+            f"points over {REFERENCE}": place.gain.text(2, 100.0, sign=True),
+            "wheel damage [kJ]": place.damage.text(1, sign=True),
+            "slip [axle s]": place.slip.text(1, sign=True),
+            "beyond the plan [%]": f"{100.0 * place.over:.2f}",
+        }
+        for place in places
+    ]
+    return _html_table(pd.DataFrame(rows))
 
 
-def _metrics(rows: pd.DataFrame) -> str:
+def _metric_table(rows: pd.DataFrame) -> str:
     """Mean of every metric over the runs that succeeded."""
     good = rows[rows["status"] == "ok"]
     names = [name for name in METRICS if name in good and good[name].notna().any()]
     means = good.groupby(["rule", "controller"], sort=False)[names].mean().reset_index()
     titles = {name: f"{name} [{METRICS[name].unit}]" for name in names}
-    return _table(means.rename(columns=titles), float_format="{:.4g}".format)
+    return _html_table(means.rename(columns=titles), float_format="{:.4g}".format)
 
 
-def _failed(rows: pd.DataFrame) -> str:
+def _failure_table(rows: pd.DataFrame) -> str:
     bad = rows[rows["status"] != "ok"]
     causes = bad.groupby(["rule", "controller", "status", "reason"], sort=False).size()
-    return "" if bad.empty else _table(causes.reset_index(name="runs"))
+    return "" if bad.empty else _html_table(causes.reset_index(name="runs"))
 
 
-def _by_event(rows: pd.DataFrame) -> str:
+def _event_table(rows: pd.DataFrame) -> str:
     """Bound used [%] by the reference, and points that the others add, event by rule; the best rule first."""
     good = rows[rows["status"] == "ok"]
     used = 100.0 * good.pivot_table(index="scenario", columns="rule", values=EFFORT, sort=False)
     used = used[used.mean().sort_values(ascending=False).index]
     if REFERENCE in used:
         base = used.pop(REFERENCE)
-        others = used.sub(base, axis=0).map(_tinted)
-        used = pd.concat([base.map("{:.1f}".format), others], axis=1)
+        gains = used.sub(base, axis=0).map(_tint_points)
+        used = pd.concat([base.map("{:.1f}".format), gains], axis=1)
     used = used.rename(index=escape, columns=escape).rename_axis(columns=None)
-    return _table(used.reset_index(names="event"), escape=False, float_format="{:.1f}".format)
+    return _html_table(used.reset_index(names="event"), escape=False, float_format="{:.1f}".format)
 
 
-def _tinted(points: float) -> str:
+def _tint_points(points: float) -> str:
     """A cell, tinted the stronger the more the rule gains or loses; five points have the full tint."""
     if np.isnan(points):
         return "–"
@@ -163,70 +171,72 @@ def _tinted(points: float) -> str:
     return f'<span class="{side}" style="--strength:{strength:.0f}%">{text}</span>'
 
 
-def _table(data: pd.DataFrame, **options: Any) -> str:
+def _html_table(data: pd.DataFrame, **options: Any) -> str:
     return str(data.to_html(index=False, border=0, na_rep="–", justify="inherit", **options))
 
 
 # replays
 
 
-def _replayed(rows: pd.DataFrame, events: Sequence[str]) -> list[Scenario]:
+def _choose_events(rows: pd.DataFrame, events: Sequence[str]) -> list[Scenario]:
     """The named events; else those that ship in which the best rule gains most over the reference."""
-    known = [str(one) for one in rows["scenario"].unique()]
+    names = [str(name) for name in rows["scenario"].unique()]
     chosen = [load_scenario(name) for name in events]
-    for one in chosen:
-        if one.name not in known:
-            raise StudyError(
-                f"event {one.name!r} is not in this comparison{suggest_name(one.name, known)}"
-            )
+    for event in chosen:
+        if event.name not in names:
+            hint = suggest_name(event.name, names)
+            raise StudyError(f"event {event.name!r} is not in this comparison{hint}")
     good = rows[(rows["status"] == "ok") & rows["scenario"].isin(shipped_names())]
     used = good.pivot_table(index="scenario", columns="rule", values=EFFORT)
     gain = used.max(axis=1) - (used[REFERENCE] if REFERENCE in used else used.min(axis=1))
     return chosen or [load_scenario(str(name)) for name in gain.nlargest(SHOWN_EVENTS).index]
 
 
-def _replays(
-    rows: pd.DataFrame, found: Sequence[Standing], laws: Iterable[str], events: Sequence[Scenario]
+def _compute_replays(
+    rows: pd.DataFrame,
+    places: Sequence[Standing],
+    controllers: Iterable[str],
+    events: Sequence[Scenario],
 ) -> tuple[dict[str, Any], int]:
     """Event -> its title, and controller -> rule -> run; beside it the number of runs that found no room.
 
     First the reference, then what cannot be told from the best, then the other rules.
     """
-    tied, others = ([one.rule for one in found if one.tied == side] for side in (True, False))
-    rules = list(dict.fromkeys([REFERENCE, *tied, *others]))
-    seeds = {one.name: one.first_seed for one in events}
+    tied = [place.rule for place in places if place.tied]
+    rules = list(dict.fromkeys([REFERENCE, *tied, *(place.rule for place in places)]))
+    seeds = {event.name: event.first_seed for event in events}
     good = rows[(rows["status"] == "ok") & (rows["seed"] == rows["scenario"].map(seeds))]
     stored = good.set_index(["scenario", "controller", "rule"])[EFFORT].to_dict()
-    made: dict[str, Any] = {one.name: {"title": one.title, "runs": {}} for one in events}
+    replays: dict[str, Any] = {event.name: {"title": event.title, "runs": {}} for event in events}
     size, left_out = 0, 0
-    for rule in rules:
-        for event in events:
-            for law in laws:
-                if (event.name, law, rule) not in stored:
-                    continue
-                if size > MOST_NUMBERS:
-                    left_out += 1
-                    continue
-                seen = _seen(recorded(event, rule, law, seeds[event.name]))
-                if abs(seen["used"] - 100.0 * stored[event.name, law, rule]) > 0.1:
-                    told = f"{event.name} under {rule} and {law} is not as its stored row says"
-                    raise StudyError(f"{told}: sources changed; run readhesion compare again")
-                size += sum(one.size for one in seen.values())
-                lists = {name: one.tolist() for name, one in seen.items()}
-                shown = lists | {"colour": RULES[rule].colour}
-                made[event.name]["runs"].setdefault(law, {})[rule] = shown
-    return {name: one for name, one in made.items() if one["runs"]}, left_out
+    for rule, event, controller in product(rules, events, controllers):
+        if (event.name, controller, rule) not in stored:
+            continue
+        if size > MOST_NUMBERS:
+            left_out += 1
+            continue
+        series = _replay_series(recorded(event, rule, controller, seeds[event.name]))
+        if abs(series["used"] - 100.0 * stored[event.name, controller, rule]) > 0.1:
+            run_name = f"{event.name} under {rule} and {controller}"
+            raise StudyError(
+                f"{run_name} is not as its stored row says: sources changed; run readhesion compare again"
+            )
+        size += sum(array.size for array in series.values())
+        lists = {name: array.tolist() for name, array in series.items()}
+        shown = lists | {"colour": RULES[rule].colour}
+        replays[event.name]["runs"].setdefault(controller, {})[rule] = shown
+    return {name: replay for name, replay in replays.items() if replay["runs"]}, left_out
 
 
-def _seen(run: xr.Dataset) -> dict[str, np.ndarray]:
+def _replay_series(run: xr.Dataset) -> dict[str, np.ndarray]:
     """What a replay shows of a run: coefficients of each unit and of all together, (instants, units + 1); slip [km/h].
 
     Of each axle it is the largest slip until the next instant: no short slip is passed over.
     """
     starts = np.arange(0, run.sizes["time"], -(-run.sizes["time"] // FRAMES))
     at = run.isel(time=starts)
-    own = run["axle_unit"].values[:, None] == np.arange(run.sizes["unit"])
-    member = np.column_stack([own, own.any(axis=1)]).astype(float)
+    of_unit = run["axle_unit"].values[:, None] == np.arange(run.sizes["unit"])
+    member = np.column_stack([of_unit, of_unit.any(axis=1)]).astype(float)
     load = at["axle_load"].values @ member
     share = run["unit_static_load"].values / run["unit_static_load"].values.sum()
     slip = np.maximum.reduceat(3.6 * np.abs(run["slip_velocity"].values), starts)
@@ -242,15 +252,20 @@ def _seen(run: xr.Dataset) -> dict[str, np.ndarray]:
     }
 
 
-def _sources(found: Sequence[Standing]) -> list[dict[str, str]]:
+def _cited_sources(places: Sequence[Standing]) -> list[dict[str, str]]:
     """Publications that rules, controllers, metrics and curves name, and which of them do."""
     texts = {"metrics": getsource(metrics), "adhesion curves": getsource(curves)}
-    for one in found:
-        rule, controller = RULES[one.rule], CONTROLLERS[one.controller]
+    for place in places:
+        rule, controller = RULES[place.rule], CONTROLLERS[place.controller]
         sources = [column.source for column in controller.memory.columns.values()]
-        texts[one.rule] = f"{rule.description} {rule.share.__doc__}"
-        texts[one.controller] = f"{controller.meaning} {controller.control.__doc__} {sources}"
+        texts[place.rule] = f"{rule.description} {rule.share.__doc__}"
+        texts[place.controller] = f"{controller.meaning} {controller.control.__doc__} {sources}"
     return [
-        {"words": one.words, "address": one.address, "bibtex": one.bibtex, "by": ", ".join(named)}
-        for one, named in uses(texts).items()
+        {
+            "reference": citation.reference,
+            "address": citation.address,
+            "bibtex": citation.bibtex,
+            "by": ", ".join(things),
+        }
+        for citation, things in find_uses(texts).items()
     ]

@@ -9,7 +9,7 @@ import pytest
 
 from alloc.rules import RULES
 from studies import StudyError
-from studies.command.report import write
+from studies.command.report import write_report
 from studies.compare import grid, study_of
 from studies.files.scenario_files import load_scenario
 from studies.runner.study import run_study
@@ -29,7 +29,7 @@ def rows(tmp_path_factory):
 
 def page_of(rows: pd.DataFrame, folder: Path, events: tuple[str, ...] = ()) -> Path:
     rows.to_parquet(folder / "rows.parquet")
-    write(folder, folder / "report.html", events)
+    write_report(folder, folder / "report.html", events)
     return folder / "report.html"
 
 
@@ -85,7 +85,7 @@ def test_names_are_text(rows, tmp_path, monkeypatch):
 
 def test_mistakes_are_one_line(rows, tmp_path, monkeypatch):
     with pytest.raises(StudyError, match="run readhesion compare first"):
-        write(tmp_path / "nowhere", tmp_path / "report.html")
+        write_report(tmp_path / "nowhere", tmp_path / "report.html")
     with pytest.raises(StudyError, match="'mine' of this comparison is not registered"):
         page_of(rows.replace({"rule": {"greedy": "mine"}}), tmp_path)
     with pytest.raises(StudyError, match="not as its stored row says"):
