@@ -85,33 +85,33 @@ def draw(seed: int, k: int) -> e.Keys:
         "steepness": g.log_uniform(8.0, 20.0),
         "load": g.uniform(0.0, 1.0),  # of the greatest
         "speed": g.uniform(0.0, 1.0),  # of the way from the least to the greatest
-        "end_kmh": g.sometimes(0.4, 20.0, 35.0, 0.0),  # the end of a stop: the electric brake fades
+        "end_kmh": g.mixture(0.4, 20.0, 35.0, 0.0),  # the end of a stop: the electric brake fades
         "deceleration": g.uniform(0.0, 1.0),  # of the way from a service to an emergency stop
         "share": g.uniform(0.4, 1.1),  # of the coefficient that the command needs: most slide
         "growth": g.uniform(0.0, 1.2),  # of the believed growth along the train
-        "drop_factor": g.sometimes(0.6, 0.5, 0.85, 1.0),
+        "drop_factor": g.mixture(0.6, 0.5, 0.85, 1.0),
         "drop_begin_s": g.uniform(1.3, 5.0),  # after the brakes are up
         "drop_length_s": g.uniform(2.0, 7.0),
-        "patch_factor": g.sometimes(0.5, 0.5, 1.6, 1.0),  # leaves, or cleaner rail
+        "patch_factor": g.mixture(0.5, 0.5, 1.6, 1.0),  # leaves, or cleaner rail
         "patch_start_m": g.uniform(0.0, 150.0),
         "patch_length_m": g.uniform(20.0, 150.0),  # a car to a train
-        "scatter_share": g.sometimes(0.5, 0.01, 0.06, 0.0),
-        "conditioning": g.sometimes(0.4, 0.05, 0.3, 0.0),  # wheels that slide clean the rail
-        "grade_permille": g.sometimes(0.5, -20.0, 20.0, 0.0),
-        "receptivity": g.sometimes(0.4, 0.3, 0.9, 1.0),  # taken up of the electric brake, mean
+        "scatter_share": g.mixture(0.5, 0.01, 0.06, 0.0),
+        "conditioning": g.mixture(0.4, 0.05, 0.3, 0.0),  # wheels that slide clean the rail
+        "grade_permille": g.mixture(0.5, -20.0, 20.0, 0.0),
+        "receptivity": g.mixture(0.4, 0.3, 0.9, 1.0),  # taken up of the electric brake, mean
         "fails": (fails := g.uniform(0.0, 1.0) < 0.15),  # a unit: air makes up for its motors
         "failed_place": g.uniform(0.0, 1.0) if fails else 0.0,
         "failed_at_s": g.uniform(2.0, 6.0) if fails else 0.0,
         "law": ("threshold", "fuzzy")[int(g.generator.integers(2))],  # of slide protection
         "speed_noise_kmh": g.uniform(0.0, 0.04),
-        "speed_quantum_kmh": g.sometimes(0.5, 0.005, 0.05, 0.0),  # pulses timed over a period
+        "speed_quantum_kmh": g.mixture(0.5, 0.005, 0.05, 0.0),  # pulses timed over a period
         # diameters of 0.86 m entered to a millimetre, to wheels that wore by 4 mm since
-        "radius_error": 0.0005 * 10.0 ** g.sometimes(0.5, 0.0, 1.0, -np.inf),  # 0 in the others
+        "radius_error": 0.0005 * 10.0 ** g.mixture(0.5, 0.0, 1.0, -np.inf),  # 0 in the others
         "load_error": g.uniform(0.0, 0.05),
         "mass_factor": g.uniform(0.97, 1.03),  # what a works scale leaves
         "resistance_factor": g.uniform(0.8, 1.2),  # wind, and formulas that fit a class
         "unused": g.uniform(0.0, 1.0),  # for the sake of the draws behind it
-        "telegram_loss": g.sometimes(0.5, 0.0, 0.05, 0.0),
+        "telegram_loss": g.mixture(0.5, 0.0, 0.05, 0.0),
         "day": int(g.generator.integers(1, 2**31)),
     }
 
@@ -131,32 +131,32 @@ def event(seed: int, k: int) -> Scenario:
     asked = _between(kind.asked, d["deceleration"]) / 3.6
     speed = d["end_kmh"] or _between(kind.speed, d["speed"])
     offered = max(LEAST_LEVEL, d["share"] * asked / GRAVITY)
-    drop = e.spell(d["drop_factor"], ROLLING + d["drop_begin_s"], d["drop_length_s"], 0.3)
-    rail = e.offering(e.curve(d["curve"], d), offered, train, REFERENCE_SPEED)
+    drop = e.spell_keys(d["drop_factor"], ROLLING + d["drop_begin_s"], d["drop_length_s"], 0.3)
+    rail = e.rail_offering(e.curve_keys(d["curve"], d), offered, train, REFERENCE_SPEED)
     rail |= {
         "increments": _grown(d["growth"] * rail["level"], train),
         "conditioning": d["conditioning"],
         "scatter": d["scatter_share"] * rail["level"],
         "scatter_length_m": 20.0,
-        "patches": [*drop, *e.patch(d, speed / 3.6 * ROLLING)],
+        "patches": [*drop, *e.patch_keys(d, speed / 3.6 * ROLLING)],
     }
-    onboard = e.signals(d) | {"braking": {"slide_protection": {"law": d["law"]}}}
+    onboard = e.signal_keys(d) | {"braking": {"slide_protection": {"law": d["law"]}}}
     factors = ("mass_factor", "resistance_factor")
     believed = {"curve": {"kind": CURVES[0]}, "increments": _grown(asked / GRAVITY, train)}
-    return e.drawn(
+    return e.drawn_event(
         load_scenario("wet-stop"),
         f"blended-{seed}-{k:04d}",
         f"drawn stop {k}: {d['train']}, {d['curve']}",
         duration_s=DURATION,
         target_speed_kmh=None,
         initial_speed_kmh=speed,
-        line=e.line(d, -1e4),
-        load_t=[e.stated("_t", d["load"] * kind.most_load)] * len(train.cars),
+        line=e.line_keys(d, -1e4),
+        load_t=[e.drop_tiny("_t", d["load"] * kind.most_load)] * len(train.cars),
         rail=rail,
         onboard=onboard,
         command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * asked}],
-        failures=e.failures(d, rows_of(train).drives.size, ROLLING),
-        receptivity=e.receptivity(d),
+        failures=e.failure_keys(d, rows_of(train).drives.size, ROLLING),
+        receptivity=e.receptivity_keys(d),
         belief=believed | {name: d[name] for name in factors},
         **kind.keys,
     )

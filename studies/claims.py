@@ -77,46 +77,46 @@ LEVELS = {"summer": (0.138, 0.012), "winter": (0.118, 0.018)}
 def draw(seed: int, k: int) -> e.Keys:
     """What is drawn for event `k`."""
     g = e.Draw(seed, k)
-    season = g.one_of(list(LEVELS))  # JP5484215: what a preset pattern cannot follow
+    season = g.choose(list(LEVELS))  # JP5484215: what a preset pattern cannot follow
     level = float(np.clip(g.generator.normal(*LEVELS[season]), 0.06, 0.20))
     return {
         "season": season,
         "level": level,  # of the first four axles at 15 km/h
         "slope": g.uniform(0.0, 2.0 * BELIEVED),  # from no growth to twice what is believed
         "scatter": g.uniform(0.0, 0.012),  # JP5484215: 0.012 over all its measurements
-        "patch_factor": g.sometimes(0.3, 0.6, 0.9, 1.0),  # leaves, oil: not everywhere
+        "patch_factor": g.mixture(0.3, 0.6, 0.9, 1.0),  # leaves, oil: not everywhere
         "patch_start_m": g.uniform(5.0, 40.0),  # met during the event
         "patch_length_m": g.uniform(20.0, 60.0),  # one to three cars
         # adhesion falls with speed; by how much over the first 36 km/h is disputed
-        "speed_law": g.one_of(("none", "curtius-kniffler", "shinkansen"), [0.5, 0.25, 0.25]),
+        "speed_law": g.choose(("none", "curtius-kniffler", "shinkansen"), [0.5, 0.25, 0.25]),
         "load_t": g.uniform(0.0, 8.0),  # the motors reach the plan throughout
         "tilt": g.uniform(-0.8, 0.8),  # passengers gather at one end of the platform
         "load_error": g.uniform(0.0, 0.05),  # pressure of air springs
         "speed_noise_kmh": g.uniform(0.0, 0.04),
         "telegram_loss": g.uniform(0.0, 0.05),
-        "grade_permille": g.sometimes(0.4, 5.0, 20.0, 0.0),  # most stations are level
+        "grade_permille": g.mixture(0.4, 5.0, 20.0, 0.0),  # most stations are level
     }
 
 
 def event(seed: int, k: int) -> Scenario:
     """Event `k`: the eight-car train of wet-start pulls away at 3.0 km/h/s."""
     d = draw(seed, k)
-    rail = e.level(d["level"], d["speed_law"]) | {
+    rail = e.level_keys(d["level"], d["speed_law"]) | {
         "speed_law": d["speed_law"],
         "increments": _growth(d["slope"]),
         "scatter": d["scatter"],
         "scatter_length_m": 20.0,
-        "patches": e.patch(d),
+        "patches": e.patch_keys(d),
     }
-    return e.drawn(
+    return e.drawn_event(
         load_scenario("wet-start"),
         f"random-{seed}-{k:04d}",
         f"random event {k}",
         duration_s=DURATION,
         rail=rail,
-        onboard=e.signals(d),
-        load_t=e.loads(d, CARS),
-        line=e.line(d),
+        onboard=e.signal_keys(d),
+        load_t=e.car_loads(d, CARS),
+        line=e.line_keys(d),
         belief={"increments": _growth(BELIEVED)},
     )
 

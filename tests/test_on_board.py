@@ -102,7 +102,7 @@ WIRED = [
 
 @pytest.mark.parametrize("name", [name for name in WIRED if name not in ("top", "has_signal")])
 def test_the_wire_compiled_is_the_python_that_it_is_written_in(name):
-    run, found = Simulation(load("jp4209318-stop").event(1), "alone", "none"), []
+    run, found = Simulation(load_scenario("jp4209318-stop").event(1), "alone", "none"), []
     for _ in range(60):
         run.plan_instant()
         run.command_units()

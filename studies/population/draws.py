@@ -49,21 +49,21 @@ class Draw:
         # of `math`: NumPy's differ in the last bit, and so would the events
         return math.exp(self.uniform(math.log(low), math.log(high)))
 
-    def sometimes(self, share: float, low: float, high: float, otherwise: float) -> float:
-        """Uniform in this share of the events."""
+    def mixture(self, share: float, low: float, high: float, otherwise: float) -> float:
+        """Uniform in this share of the events, `otherwise` in the others."""
         return self.uniform(low, high) if self.generator.random() < share else otherwise
 
-    def one_of(self, values: Sequence[str], shares: Sequence[float] | None = None) -> str:
+    def choose(self, values: Sequence[str], shares: Sequence[float] | None = None) -> str:
         """One of these, equally likely or by their shares."""
         return str(self.generator.choice(list(values), p=shares))
 
 
-def drawn(base: Scenario, name: str, title: str, **keys: Any) -> Scenario:
+def drawn_event(base: Scenario, name: str, title: str, **keys: Any) -> Scenario:
     """An event of a population: `base` with other keys, meant for no case, and the same on all days."""
     return base.changed(name=name, title=title, case=None, variation=None, **keys)
 
 
-def stated(key: str, size: float) -> float:
+def drop_tiny(key: str, size: float) -> float:
     """0 where a draw is smaller than any size that files know."""
     return size if abs(size) >= unit_of(key).least else 0.0
 
@@ -72,77 +72,77 @@ SENSORS = ("speed_noise_kmh", "speed_quantum_kmh", "radius_error", "load_error")
 """Errors of sensors that a population may draw."""
 
 
-def signals(d: Drawn) -> Keys:
+def signal_keys(d: Drawn) -> Keys:
     """Keys of sensors and telegrams; of the sensors those that are drawn."""
     return {
-        "sensors": {key: stated(key, d[key]) for key in SENSORS if key in d},
-        "telegrams": {"jitter_s": 0.03, "loss": stated("", d["telegram_loss"])},
+        "sensors": {key: drop_tiny(key, d[key]) for key in SENSORS if key in d},
+        "telegrams": {"jitter_s": 0.03, "loss": drop_tiny("", d["telegram_loss"])},
     }
 
 
-def loads(d: Drawn, cars: int) -> list[float]:
+def car_loads(d: Drawn, cars: int) -> list[float]:
     """Pay load of each car [t], growing along the train."""
     along = d["load_t"] * (1.0 + d["tilt"] * np.linspace(-1.0, 1.0, cars))
-    return [stated("_t", one) for one in along.tolist()]
+    return [drop_tiny("_t", load) for load in along.tolist()]
 
 
-def line(d: Drawn, start: float = -1000.0) -> Keys:
+def line_keys(d: Drawn, start: float = -1000.0) -> Keys:
     """A line with the drawn gradient from `start` [m] on."""
-    grade = stated("_permille", d["grade_permille"])
+    grade = drop_tiny("_permille", d["grade_permille"])
     return {"sections": [{"start_m": start, "grade_permille": grade}]}
 
 
-def failures(d: Drawn, units: int, begin: float = 0.0) -> list[Keys]:
+def failure_keys(d: Drawn, units: int, begin: float = 0.0) -> list[Keys]:
     """The drawn failure of one of so many units, counted from `begin` [s]."""
     failed = {"unit": 1 + int(d["failed_place"] * units), "time_s": begin + d["failed_at_s"]}
     return [failed] if d["fails"] else []
 
 
-def receptivity(d: Drawn) -> Keys:
+def receptivity_keys(d: Drawn) -> Keys:
     """A line that takes up the drawn share of the regenerated power on average, the more swinging the less it is."""
     swing = 0.6 * (1.0 - d["receptivity"])
     return {"mean": d["receptivity"], "amplitude": swing, "period_s": 7.0}
 
 
-def level(coefficient: float, law: str, speed: float = START_SPEED) -> Keys:
+def level_keys(coefficient: float, law: str, speed: float = START_SPEED) -> Keys:
     """Level of a rail with this coefficient at `speed` [m/s], which follows a speed law or "none"."""
     if law == "none":
         return {"level": coefficient}
-    at = float(speed_law(speed, *SPEED_LAWS[law]))
-    return {"law_factor": coefficient / at, "speed_law": law}
+    coefficient_by_law = float(speed_law(speed, *SPEED_LAWS[law]))
+    return {"law_factor": coefficient / coefficient_by_law, "speed_law": law}
 
 
-def stretch(factor: float, start: float, end: float) -> list[Keys]:
+def stretch_keys(factor: float, start: float, end: float) -> list[Keys]:
     """A stretch of rail [m] with so much of the coefficient; none where it has all of it."""
     if factor == 1.0:
         return []
     return [{"factor": factor, "start_m": start, "end_m": end, "edge_m": 4.0}]
 
 
-def spell(factor: float, begin: float, lasts: float, fade: float) -> list[Keys]:
+def spell_keys(factor: float, begin: float, lasts: float, fade: float) -> list[Keys]:
     """A time [s] in which the rail has so much of the coefficient; none where it has all of it."""
     if factor == 1.0:
         return []
     return [{"factor": factor, "begin_s": begin, "until_s": begin + lasts, "fade_s": fade}]
 
 
-def patch(d: Drawn, begin: float = 0.0) -> list[Keys]:
+def patch_keys(d: Drawn, begin: float = 0.0) -> list[Keys]:
     """The drawn patch, counted from `begin` [m]."""
     start = begin + d["patch_start_m"]
-    return stretch(d["patch_factor"], start, start + d["patch_length_m"])
+    return stretch_keys(d["patch_factor"], start, start + d["patch_length_m"])
 
 
-def curve(kind: str, d: Drawn) -> Keys:
+def curve_keys(kind: str, d: Drawn) -> Keys:
     """An adhesion curve with what was drawn of its shape."""
     return {"kind": kind} | {name: d[name] for name in SHAPES.get(kind, ())}
 
 
-def offering(curve: Drawn, adhesion: float, train: Train, speed: float = START_SPEED) -> Keys:
+def rail_offering(curve: Drawn, adhesion: float, train: Train, speed: float = START_SPEED) -> Keys:
     """Level and curve of a rail that offers `adhesion` to `train` at `speed` [m/s].
 
     The level of Polach's curves is the friction coefficient, above their peak; that of others is the peak.
     """
-    law = CURVES[curve["kind"]](**{key: one for key, one in curve.items() if key != "kind"})
+    law = CURVES[curve["kind"]](**{key: x for key, x in curve.items() if key != "kind"})
     creep = isinstance(law, CreepCurve)
     level = level_for(law, adhesion, speed, train) if creep else adhesion
     return {"level": float(level), "curve": dict(curve)}

@@ -14,7 +14,7 @@ from alloc.plant.train import Train
 from studies.files.scenario import Scenario, make_scenario
 from studies.files.toml_keys import check_keys
 from studies.files.train_keys import TrainKeys
-from studies.population import draws as e
+from studies.population import draws
 
 SEED, TUNING = 65, 6500
 """Of the benchmark, and of the events on which controllers are tuned."""
@@ -43,23 +43,24 @@ BELIEVED = "piecewise"
 # what is drawn
 
 
-def draw(seed: int, k: int) -> e.Keys:
+def draw(seed: int, k: int) -> draws.Keys:
     """What is drawn for event `k`; fleets, and starts and stops, come by shares, all else independently."""
-    g = e.Draw(seed, k, 65)
-    fleet = g.one_of(FLEETS, [0.6, 0.2, 0.2])  # most trains that share are multiple units
+    g = draws.Draw(seed, k, 65)
+    fleet = g.choose(FLEETS, [0.6, 0.2, 0.2])  # most trains that share are multiple units
     stop = g.uniform(0.0, 1.0) < 0.35  # starts are where rules differ, stops where wheels lock
-    curve = g.one_of(list(CURVES), SHARES)
+    curve = g.choose(list(CURVES), SHARES)
     receptive = g.uniform(0.0, 1.0) < 0.5  # lines with and without other trains near
+    # a locomotive has an inverter per bogie or axle, other trains all three
+    groups = ["1C2M", "1C1M"] if fleet == "locomotive" else list(GROUPS)
     return {
         "fleet": fleet,
         "case": "start" if not stop else "receptive stop" if receptive else "blended stop",
         "curve": curve,
-        # a locomotive has an inverter per bogie or axle, others all three
-        "group": g.one_of(list(GROUPS)[fleet == "locomotive" :]),
+        "group": g.choose(groups),
         "units": g.log_uniform(2.0, 20.0),  # few to many who may help
         "trailers": g.uniform(0.0, 1.0),  # trailers per motor car
         "last_drives": g.uniform(0.0, 1.0) < 0.3,  # push-pull
-        "motors": g.one_of(("torque", "induction", "induction")),  # most are induction motors
+        "motors": g.choose(("torque", "induction", "induction")),  # most are induction motors
         "lag_s": g.log_uniform(0.005, 0.1),  # readhesion paper; commands over a train bus
         "mass_t": g.uniform(26.0, 44.0),  # of a car; of a locomotive twice as much
         "load_t": g.uniform(0.0, 10.0),
@@ -73,28 +74,28 @@ def draw(seed: int, k: int) -> e.Keys:
         "load_transfer": g.uniform(0.0, 1.0) < 0.5,
         "adhesion": g.uniform(0.08, 0.22),  # that the plan needs: commuter trains to locomotives
         "deceleration": g.uniform(0.5, 1.1),  # service stops [m/s2]
-        "kmh": g.uniform(30.0, 140.0) if stop else g.sometimes(0.5, 10.0, 100.0, 0.0),
+        "kmh": g.uniform(30.0, 140.0) if stop else g.mixture(0.5, 10.0, 100.0, 0.0),
         # the rail offers this share of what the plan needs: out of reach, and within it
         "offered": g.uniform(0.7, 1.3),
-        "speed_law": g.one_of(("none", "curtius-kniffler", "shinkansen"), [0.5, 0.25, 0.25]),
+        "speed_law": g.choose(("none", "curtius-kniffler", "shinkansen"), [0.5, 0.25, 0.25]),
         "growth": g.uniform(-0.05, 0.25),  # from the first axle to the last, over the level
         "knows_growth": g.uniform(0.0, 1.0) < 0.5,
         "knows_curve": g.uniform(0.0, 1.0) < 0.5,
-        "scatter": g.sometimes(0.5, 0.01, 0.08, 0.0),  # JP5484215: 0.012 at 0.15
+        "scatter": g.mixture(0.5, 0.01, 0.08, 0.0),  # JP5484215: 0.012 at 0.15
         "scatter_m": g.uniform(5.0, 30.0),
-        "conditioning": g.sometimes(0.5, 0.05, 0.5, 0.0),  # wheels that slip clean the rail
+        "conditioning": g.mixture(0.5, 0.05, 0.5, 0.0),  # wheels that slip clean the rail
         "conditioning_slip": g.log_uniform(0.005, 0.05),
-        "patches": [g.one_of(PATCHES) for _ in range(2)],
-        "grade_permille": g.sometimes(0.4, -20.0, 20.0, 0.0),  # most stations are level
+        "patches": [g.choose(PATCHES) for _ in range(2)],
+        "grade_permille": g.mixture(0.4, -20.0, 20.0, 0.0),  # most stations are level
         "fails": g.uniform(0.0, 1.0) < 0.15,
         "failed_place": g.uniform(0.0, 1.0),
         "failed_at_s": g.uniform(2.0, 8.0),
         "receptivity": 1.0 if receptive else g.uniform(0.4, 0.9),
-        "speed_noise_kmh": g.sometimes(0.75, 0.0, 0.1, 0.0),  # none to a worn pulse ring's
-        "speed_quantum_kmh": g.sometimes(0.5, 0.005, 0.05, 0.0),  # pulses timed over a period
-        "radius_error": g.sometimes(0.5, 0.0005, 0.005, 0.0),  # entered to a millimetre; worn
-        "load_error": g.sometimes(0.5, 0.0, 0.05, 0.0),  # pressure of air springs
-        "telegram_loss": g.sometimes(0.5, 0.0, 0.1, 0.0),
+        "speed_noise_kmh": g.mixture(0.75, 0.0, 0.1, 0.0),  # none to a worn pulse ring's
+        "speed_quantum_kmh": g.mixture(0.5, 0.005, 0.05, 0.0),  # pulses timed over a period
+        "radius_error": g.mixture(0.5, 0.0005, 0.005, 0.0),  # entered to a millimetre; worn
+        "load_error": g.mixture(0.5, 0.0, 0.05, 0.0),  # pressure of air springs
+        "telegram_loss": g.mixture(0.5, 0.0, 0.1, 0.0),
         "shape": {key: g.log_uniform(*ends) for key, ends in CURVES[curve].items()},
         "places": [g.uniform(0.0, 1.0) for _ in range(40)],
     }
@@ -107,22 +108,22 @@ STRATA = ("fleet", "case", "curve", "group", "lag_s", "speed_noise_kmh", "couple
 
 
 @cache
-def train_of(seed: int, k: int) -> e.Keys:
+def train_of(seed: int, k: int) -> draws.Keys:
     """Keys of the train of event `k`: motor cars M and trailers T, or locomotives L and coaches T."""
     d = draw(seed, k)
     per_car = 4 // GROUPS[d["group"]]
     if d["fleet"] == "locomotive":
         coaches = 3 + round(6 * d["trailers"])
-        formation, driving = "L" + "T" * coaches + "L" * d["last_drives"], "L"
+        formation, driving = "L" + "T" * coaches + ("L" if d["last_drives"] else ""), "L"
     else:
         most = d["units"] if d["fleet"] == "multiple unit" else min(d["units"], 8.0)
         motor_cars = max(2 if per_car == 1 else 1, round(most / per_car))
         if d["fleet"] == "railcar":
             motor_cars = min(motor_cars, 2)
-        formation, driving = _spread(motor_cars, round(d["trailers"] * motor_cars)), "M"
+        formation, driving = _spread_trailers(motor_cars, round(d["trailers"] * motor_cars)), "M"
     mass = d["mass_t"] * (2.0 if driving == "L" else 1.0)
-    cars = {driving: _car(mass, d), "T": _car(0.85 * d["mass_t"], d)}
-    tonnes = sum(cars[one]["mass_t"] for one in formation)
+    cars = {driving: _car_keys(mass, d), "T": _car_keys(0.85 * d["mass_t"], d)}
+    tonnes = sum(cars[kind]["mass_t"] for kind in formation)
     axles = 4 * formation.count(driving)
     force = d["adhesion"] * GRAVITY * mass / 4.0  # of an axle at the plan [kN]
     planned = force * axles / (1.08 * tonnes)
@@ -140,25 +141,25 @@ def train_of(seed: int, k: int) -> e.Keys:
         "power_kw": scale * force * d["reserve"] * (d["kmh"] + 40.0) / 3.6,
     }
     coupler = {"stiffness_n_per_m": d["stiffness"], "damping_ns_per_m": 1e-2 * d["stiffness"]}
-    found = {
+    keys = {
         "name": f"population-{seed}-{k:04d}",
         "formation": formation,
         "planned_acceleration_kmhs": 3.6 * scale * planned,
         "resistance_n": 12.0 * tonnes,
         "resistance_ns_per_m": 0.4 * tonnes,
         "resistance_ns2_per_m2": 4.0 + 0.9 * len(formation),
-        "car": {key: one for key, one in cars.items() if key in formation},
+        "car": {kind: car for kind, car in cars.items() if kind in formation},
     }
-    return found | ({"coupler": coupler} if d["coupled"] else {})
+    return keys | ({"coupler": coupler} if d["coupled"] else {})
 
 
-def _spread(motor_cars: int, trailers: int) -> str:
+def _spread_trailers(motor_cars: int, trailers: int) -> str:
     """Trailers between motor cars, evenly."""
     places = [round((j + 0.5) * motor_cars / trailers) for j in range(trailers)]
     return "".join("T" * places.count(j) + "M" * (j < motor_cars) for j in range(motor_cars + 1))
 
 
-def _car(mass: float, d: e.Drawn) -> e.Keys:
+def _car_keys(mass: float, d: draws.Drawn) -> draws.Keys:
     return {
         "length_m": 20.0,
         "mass_t": mass,
@@ -190,32 +191,34 @@ def event(seed: int, k: int) -> Scenario:
     train = check_keys(TrainKeys, train_keys).train
     stop, speed = d["case"] != "start", d["kmh"] / 3.6
     n, begin = train.axle_count, ROLLING if stop else 0.0
-    asked = -d["deceleration"] if stop else train.planned_acceleration
-    loads = [0.0 if one == "L" else load for one, load in
-             zip(train_keys["formation"], e.loads(d, len(train.cars)), strict=True)]  # fmt: skip
+    acceleration = -d["deceleration"] if stop else train.planned_acceleration
+    cars = zip(train_keys["formation"], draws.car_loads(d, len(train.cars)), strict=True)
+    loads = [0.0 if kind == "L" else load for kind, load in cars]
     # the plan of a stop is every axle's, that of a start the driven ones'
     driven = sum(sum(car.powered) for car in train.cars)
     on_driven = sum(car.loaded_mass * sum(car.powered) / len(car.powered) for car in train.cars)
-    needs = abs(asked) / GRAVITY * (1.0 if stop else 1.08 * (train.mass / on_driven))
-    meets = max(e.START_SPEED, speed)
-    rail = e.offering({"kind": d["curve"]} | d["shape"], d["offered"] * needs, train, meets)
+    needs = abs(acceleration) / GRAVITY * (1.0 if stop else 1.08 * (train.mass / on_driven))
+    meets = max(draws.START_SPEED, speed)
+    rail = draws.rail_offering(
+        {"kind": d["curve"]} | d["shape"], d["offered"] * needs, train, meets
+    )
     level = rail["level"]
     grown = np.log(np.arange(1.0, n + 1.0)) / math.log(n)
     increments = (level * d["growth"] * (grown - grown.mean())).tolist()
-    rail = e.level(level, d["speed_law"], meets) | {
+    rail = draws.level_keys(level, d["speed_law"], meets) | {
         "curve": rail["curve"],
         "increments": {"law": "given", "values": increments},
         "scatter": d["scatter"] * level,
         "scatter_length_m": d["scatter_m"],
         "conditioning": d["conditioning"],
         "conditioning_slip": d["conditioning_slip"],
-        "patches": _patches(d, train, speed, begin),
+        "patches": _patch_keys(d, train, speed, begin),
     }
     units = 4 // GROUPS[d["group"]] * (driven // 4)
-    knows: e.Keys = {} if d["knows_curve"] else {"curve": {"kind": BELIEVED}}
+    knows: draws.Keys = {} if d["knows_curve"] else {"curve": {"kind": BELIEVED}}
     if not d["knows_growth"]:
         knows["increments"] = {"law": "none"}
-    found = {
+    keys = {
         "name": train_keys["name"],
         "title": f"event {k}: {d['case']}, {d['fleet']}, {d['curve']}",
         "train": train_keys,
@@ -223,45 +226,51 @@ def event(seed: int, k: int) -> Scenario:
         "load_transfer": d["load_transfer"],
         "duration_s": DURATION["stop" if stop else "start"],
         "initial_speed_kmh": d["kmh"],
-        "command": [{"time_s": begin, "acceleration_kmhs": 3.6 * asked}],
+        "command": [{"time_s": begin, "acceleration_kmhs": 3.6 * acceleration}],
         "rail": rail,
-        "line": e.line(d, -1e4),
-        "failures": e.failures(d, units),
-        "receptivity": e.receptivity(d),
+        "line": draws.line_keys(d, -1e4),
+        "failures": draws.failure_keys(d, units),
+        "receptivity": draws.receptivity_keys(d),
         "belief": knows,
-        "onboard": e.signals(d),
+        "onboard": draws.signal_keys(d),
         "record_period_s": 0.02,
     }
-    return make_scenario(found, f"event {k} of seed {seed}")
+    return make_scenario(keys, f"event {k} of seed {seed}")
 
 
-def _patches(d: e.Drawn, train: Train, speed: float, begin: float) -> list[e.Keys]:
+def _patch_keys(d: draws.Drawn, train: Train, speed: float, begin: float) -> list[draws.Keys]:
     """Two kinds of patches one over the other, each with its own places."""
-    ahead, found = speed * (begin + 1.0), list[e.Keys]()
+    ahead, patches = speed * (begin + 1.0), list[draws.Keys]()
     for j, kind in enumerate(d["patches"]):
         p: list[float] = d["places"][20 * j : 20 * j + 20]
         between = partial(_between, p)
         if kind in ("bad front", "bad rear"):
             border = ahead - train.length * between(0, 0.1, 0.9)
             ends = (border, 1e4) if kind == "bad front" else (-1e4, border)
-            found += e.stretch(between(1, 0.5, 0.9), *ends)
+            patches += draws.stretch_keys(between(1, 0.5, 0.9), *ends)
         if kind == "short patch":  # ice and leaves, from a wheelset's length to three cars'
             start = ahead + between(0, 5.0, 25.0)
-            found += e.stretch(between(1, 0.3, 0.8), start, start + between(2, 10.0, 60.0))
+            patches += draws.stretch_keys(
+                between(1, 0.3, 0.8), start, start + between(2, 10.0, 60.0)
+            )
         if kind == "many patches":
             place = ahead
             for i in range(0, 18, 3):
                 place += between(i, 10.0, 30.0 + 2.0 * speed)
                 end = place + between(i + 1, 5.0, 20.0 + speed)
-                found += e.stretch(between(i + 2, 0.5, 0.95), place, end)
+                patches += draws.stretch_keys(between(i + 2, 0.5, 0.95), place, end)
                 place = end
         if kind == "drop":  # readhesion paper, Table 2: 0.12 of 0.18 for some seconds
-            found += e.spell(between(0, 0.45, 0.85), begin + 3.0, between(1, 2.0, 6.0), FADE)
+            patches += draws.spell_keys(
+                between(0, 0.45, 0.85), begin + 3.0, between(1, 2.0, 6.0), FADE
+            )
         if kind == "come and go":
             for i in range(3):
                 lasts = between(2 * i + 1, 1.0, 3.0)
-                found += e.spell(between(2 * i, 0.6, 0.9), begin + 2.5 + 3.5 * i, lasts, FADE)
-    return found
+                patches += draws.spell_keys(
+                    between(2 * i, 0.6, 0.9), begin + 2.5 + 3.5 * i, lasts, FADE
+                )
+    return patches
 
 
 def _between(places: list[float], j: int, low: float, high: float) -> float:

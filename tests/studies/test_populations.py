@@ -85,10 +85,10 @@ def test_an_event_depends_on_seed_and_number(module):
 
 def test_a_draw_is_as_likely_as_it_says():
     g = [events.Draw(3, k, 1) for k in range(2000)]
-    assert np.mean([one.sometimes(0.3, 1.0, 2.0, 0.0) > 0.0 for one in g]) == pytest.approx(
+    assert np.mean([one.mixture(0.3, 1.0, 2.0, 0.0) > 0.0 for one in g]) == pytest.approx(
         0.3, abs=0.03
     )
-    assert np.mean([one.one_of("ab", [0.2, 0.8]) == "a" for one in g]) == pytest.approx(
+    assert np.mean([one.choose("ab", [0.2, 0.8]) == "a" for one in g]) == pytest.approx(
         0.2, abs=0.03
     )
     logs = np.log10([one.log_uniform(0.1, 10.0) for one in g])
