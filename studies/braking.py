@@ -131,8 +131,8 @@ def event(seed: int, k: int) -> Scenario:
     asked = _between(kind.asked, d["deceleration"]) / 3.6
     speed = d["end_kmh"] or _between(kind.speed, d["speed"])
     offered = max(LEAST_LEVEL, d["share"] * asked / GRAVITY)
-    drop = e.spell_keys(d["drop_factor"], ROLLING + d["drop_begin_s"], d["drop_length_s"], 0.3)
-    rail = e.rail_offering(e.curve_keys(d["curve"], d), offered, train, REFERENCE_SPEED)
+    drop = e.spell(d["drop_factor"], ROLLING + d["drop_begin_s"], d["drop_length_s"], 0.3)
+    rail = e.rail_keys(e.curve_keys(d["curve"], d), offered, train, REFERENCE_SPEED)
     rail |= {
         "increments": _grown(d["growth"] * rail["level"], train),
         "conditioning": d["conditioning"],

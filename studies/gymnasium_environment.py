@@ -55,7 +55,9 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
 
         Raises `StudyError` for a unit that the train does not have, `InputError` for an unknown controller or rule.
         """
-        self.scenario = load_scenario(scenario) if isinstance(scenario, str) else scenario
+        if not isinstance(scenario, Scenario):
+            scenario = load_scenario(scenario)
+        self.scenario = scenario
         world = self.scenario.event().world()
         axles = world.units.last - world.units.first
         chosen = np.ravel(np.arange(axles.size) if units is None else units)

@@ -101,6 +101,7 @@ MISTAKES = [
     (lambda e, run: r.compare(e, rules=["exact", "exakt"]), "did you mean 'exact'"),
     (lambda e, run: r.compare(e, seeds=1.5), "seeds = 1.5: give a whole number from 1"),
     (lambda e, run: r.compare(e, seeds=[0, 1]), r"seeds = \[0, 1\]: give a whole number from 1"),
+    (lambda e, run: r.compare(e, "alone", "none", out=5), "out = 5: give a folder"),
     (lambda e, run: r.compare(e, jobs=0), "jobs = 0: give a whole number from 1"),
     (lambda e, run: r.sweep("claim"), "unknown study 'claim'; did you mean 'claims'"),
     (lambda e, run: r.compare(e, rules=[]), r"rules = \[\]: give one or more"),

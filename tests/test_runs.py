@@ -16,7 +16,7 @@ from alloc.run.event import DriverCommand, Event
 from alloc.run.recording import load, save
 from alloc.run.simulation import Simulation, simulate
 from alloc.schema.errors import InputError
-from studies.files import scenario
+from studies.files.scenario_files import load_scenario
 
 PULL, STOP = DriverCommand((0.0,), (0.8,)), DriverCommand((0.0,), (-1.0,))
 
@@ -138,8 +138,8 @@ PARTS += [("cooperative", controller) for controller in CONTROLLERS.shipped()]
 @pytest.mark.parametrize("name", ["lost-sensors", "wet-stop"])
 def test_what_is_commanded_is_the_same_with_all_that_is_true_nan(name, rule, controller):
     """The law of the house: nothing on board reads the plant but over the wire."""
-    one = scenario.load(name).changed(duration_s=1.0).event(1)
-    seen, blind = Simulation(one, rule, controller), Simulation(one, rule, controller)
+    start = load_scenario(name).changed(duration_s=1.0).event(1)
+    seen, blind = Simulation(start, rule, controller), Simulation(start, rule, controller)
     seen.run_to_end()
     blind.run_blind()
     for table, columns in (

@@ -10,17 +10,14 @@ from inspect import unwrap
 from pathlib import Path
 from traceback import walk_tb
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from alloc.schema.parameters import Fault
+from typing import Any
 
 
 class InputError(ValueError):
     """The input is impossible; the message names it and says what to do."""
 
-    fault: "Fault | None" = None
-    """What a record finds wrong with itself."""
+    fault: Any = None
+    """The `alloc.schema.parameters.Fault` of a record."""
     part, misspelt = "", False
     """What the message is `blamed_on`; whether its code has a name that does not exist, or cannot be compiled."""
 

@@ -3,7 +3,7 @@
 Python gives tables and data to the template `report.html`. Plotly's JavaScript draws; the page holds it.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from html import escape
 from inspect import getsource
@@ -23,7 +23,7 @@ from alloc.plant import curves
 from alloc.rules import RULES
 from alloc.run.recording import provenance
 from studies import StudyError
-from studies.command.citations import find_uses
+from studies.command.citations import Citation, find_uses
 from studies.compare import EFFORT, REFERENCE, Standing, answer, by_controller, informed, standings
 from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario, shipped_names
@@ -54,7 +54,7 @@ def write_report(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
     rows = _read_rows(folder)
     places = standings(rows)
     by_name = by_controller(places)
-    replays, left_out = _compute_replays(rows, places, by_name, _choose_events(rows, events))
+    replays, left_out = _compute_replays(rows, places, _choose_events(rows, events))
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # names in our order
     text = environment.from_string(Path(__file__).with_suffix(".html").read_text("utf-8")).render(
@@ -193,10 +193,7 @@ def _choose_events(rows: pd.DataFrame, events: Sequence[str]) -> list[Scenario]:
 
 
 def _compute_replays(
-    rows: pd.DataFrame,
-    places: Sequence[Standing],
-    controllers: Iterable[str],
-    events: Sequence[Scenario],
+    rows: pd.DataFrame, places: Sequence[Standing], events: Sequence[Scenario]
 ) -> tuple[dict[str, Any], int]:
     """Event -> its title, and controller -> rule -> run; beside it the number of runs that found no room.
 
@@ -209,7 +206,7 @@ def _compute_replays(
     stored = good.set_index(["scenario", "controller", "rule"])[EFFORT].to_dict()
     replays: dict[str, Any] = {event.name: {"title": event.title, "runs": {}} for event in events}
     size, left_out = 0, 0
-    for rule, event, controller in product(rules, events, controllers):
+    for rule, event, controller in product(rules, events, by_controller(places)):
         if (event.name, controller, rule) not in stored:
             continue
         if size > MOST_NUMBERS:
@@ -217,10 +214,8 @@ def _compute_replays(
             continue
         series = _replay_series(recorded(event, rule, controller, seeds[event.name]))
         if abs(series["used"] - 100.0 * stored[event.name, controller, rule]) > 0.1:
-            run_name = f"{event.name} under {rule} and {controller}"
-            raise StudyError(
-                f"{run_name} is not as its stored row says: sources changed; run readhesion compare again"
-            )
+            fault = f"{event.name} under {rule} and {controller} is not as its stored row says"
+            raise StudyError(f"{fault}: sources changed; run readhesion compare again")
         size += sum(array.size for array in series.values())
         lists = {name: array.tolist() for name, array in series.items()}
         shown = lists | {"colour": RULES[rule].colour}
@@ -252,7 +247,7 @@ def _replay_series(run: xr.Dataset) -> dict[str, np.ndarray]:
     }
 
 
-def _cited_sources(places: Sequence[Standing]) -> list[dict[str, str]]:
+def _cited_sources(places: Sequence[Standing]) -> list[tuple[Citation, str]]:
     """Publications that rules, controllers, metrics and curves name, and which of them do."""
     texts = {"metrics": getsource(metrics), "adhesion curves": getsource(curves)}
     for place in places:
@@ -260,12 +255,4 @@ def _cited_sources(places: Sequence[Standing]) -> list[dict[str, str]]:
         sources = [column.source for column in controller.memory.columns.values()]
         texts[place.rule] = f"{rule.description} {rule.share.__doc__}"
         texts[place.controller] = f"{controller.meaning} {controller.control.__doc__} {sources}"
-    return [
-        {
-            "reference": citation.reference,
-            "address": citation.address,
-            "bibtex": citation.bibtex,
-            "by": ", ".join(things),
-        }
-        for citation, things in find_uses(texts).items()
-    ]
+    return [(citation, ", ".join(things)) for citation, things in find_uses(texts).items()]

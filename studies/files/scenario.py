@@ -82,9 +82,7 @@ class Curve(Keys):
 
     model_config = ConfigDict(extra="allow")
 
-    kind: str = Field(
-        default="piecewise", json_schema_extra=lambda entry: entry.update(enum=[*CURVES])
-    )
+    kind: str = Field(default="piecewise", json_schema_extra=lambda key: key.update(enum=[*CURVES]))
     """Name of the curve; the other keys are its parameters. Source: piecewise: readhesion paper (1)-(6)."""
 
     @model_validator(mode="after")
@@ -255,12 +253,9 @@ class BeliefKeys(_Belief):
     def build_belief(self, rail: RailKeys, axles: int) -> Assumed:
         """The belief of a train of so many axles on this rail."""
         growth, curve = self.increments or rail.increments, self.curve or rail.curve
-        belief: Assumed = build_record(
-            self,
-            "belief",
-            increments=growth.increments_per_axle(axles, "belief.increments"),
-            curve=curve.build_curve("belief.curve"),
-        )
+        increments = growth.increments_per_axle(axles, "belief.increments")
+        plain = curve.build_curve("belief.curve")
+        belief: Assumed = build_record(self, "belief", increments=increments, curve=plain)
         return belief
 
 

@@ -112,14 +112,14 @@ def level_keys(coefficient: float, law: str, speed: float = START_SPEED) -> Keys
     return {"law_factor": coefficient / coefficient_by_law, "speed_law": law}
 
 
-def stretch_keys(factor: float, start: float, end: float) -> list[Keys]:
+def stretch(factor: float, start: float, end: float) -> list[Keys]:
     """A stretch of rail [m] with so much of the coefficient; none where it has all of it."""
     if factor == 1.0:
         return []
     return [{"factor": factor, "start_m": start, "end_m": end, "edge_m": 4.0}]
 
 
-def spell_keys(factor: float, begin: float, lasts: float, fade: float) -> list[Keys]:
+def spell(factor: float, begin: float, lasts: float, fade: float) -> list[Keys]:
     """A time [s] in which the rail has so much of the coefficient; none where it has all of it."""
     if factor == 1.0:
         return []
@@ -129,7 +129,7 @@ def spell_keys(factor: float, begin: float, lasts: float, fade: float) -> list[K
 def patch_keys(d: Drawn, begin: float = 0.0) -> list[Keys]:
     """The drawn patch, counted from `begin` [m]."""
     start = begin + d["patch_start_m"]
-    return stretch_keys(d["patch_factor"], start, start + d["patch_length_m"])
+    return stretch(d["patch_factor"], start, start + d["patch_length_m"])
 
 
 def curve_keys(kind: str, d: Drawn) -> Keys:
@@ -137,7 +137,7 @@ def curve_keys(kind: str, d: Drawn) -> Keys:
     return {"kind": kind} | {name: d[name] for name in SHAPES.get(kind, ())}
 
 
-def rail_offering(curve: Drawn, adhesion: float, train: Train, speed: float = START_SPEED) -> Keys:
+def rail_keys(curve: Drawn, adhesion: float, train: Train, speed: float = START_SPEED) -> Keys:
     """Level and curve of a rail that offers `adhesion` to `train` at `speed` [m/s].
 
     The level of Polach's curves is the friction coefficient, above their peak; that of others is the peak.

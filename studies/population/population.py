@@ -199,9 +199,7 @@ def event(seed: int, k: int) -> Scenario:
     on_driven = sum(car.loaded_mass * sum(car.powered) / len(car.powered) for car in train.cars)
     needs = abs(acceleration) / GRAVITY * (1.0 if stop else 1.08 * (train.mass / on_driven))
     meets = max(draws.START_SPEED, speed)
-    rail = draws.rail_offering(
-        {"kind": d["curve"]} | d["shape"], d["offered"] * needs, train, meets
-    )
+    rail = draws.rail_keys({"kind": d["curve"]} | d["shape"], d["offered"] * needs, train, meets)
     level = rail["level"]
     grown = np.log(np.arange(1.0, n + 1.0)) / math.log(n)
     increments = (level * d["growth"] * (grown - grown.mean())).tolist()
@@ -247,29 +245,23 @@ def _patch_keys(d: draws.Drawn, train: Train, speed: float, begin: float) -> lis
         if kind in ("bad front", "bad rear"):
             border = ahead - train.length * between(0, 0.1, 0.9)
             ends = (border, 1e4) if kind == "bad front" else (-1e4, border)
-            patches += draws.stretch_keys(between(1, 0.5, 0.9), *ends)
+            patches += draws.stretch(between(1, 0.5, 0.9), *ends)
         if kind == "short patch":  # ice and leaves, from a wheelset's length to three cars'
             start = ahead + between(0, 5.0, 25.0)
-            patches += draws.stretch_keys(
-                between(1, 0.3, 0.8), start, start + between(2, 10.0, 60.0)
-            )
+            patches += draws.stretch(between(1, 0.3, 0.8), start, start + between(2, 10.0, 60.0))
         if kind == "many patches":
             place = ahead
             for i in range(0, 18, 3):
                 place += between(i, 10.0, 30.0 + 2.0 * speed)
                 end = place + between(i + 1, 5.0, 20.0 + speed)
-                patches += draws.stretch_keys(between(i + 2, 0.5, 0.95), place, end)
+                patches += draws.stretch(between(i + 2, 0.5, 0.95), place, end)
                 place = end
         if kind == "drop":  # readhesion paper, Table 2: 0.12 of 0.18 for some seconds
-            patches += draws.spell_keys(
-                between(0, 0.45, 0.85), begin + 3.0, between(1, 2.0, 6.0), FADE
-            )
+            patches += draws.spell(between(0, 0.45, 0.85), begin + 3.0, between(1, 2.0, 6.0), FADE)
         if kind == "come and go":
             for i in range(3):
                 lasts = between(2 * i + 1, 1.0, 3.0)
-                patches += draws.spell_keys(
-                    between(2 * i, 0.6, 0.9), begin + 2.5 + 3.5 * i, lasts, FADE
-                )
+                patches += draws.spell(between(2 * i, 0.6, 0.9), begin + 2.5 + 3.5 * i, lasts, FADE)
     return patches
 
 

@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
 from alloc.files import write_whole
+from studies import StudyError
 from studies.runner.plugins import ASKED, slow
 from studies.runner.row_key import key_of, read_anew
 from studies.runner.rows import BOOKKEEPING, Row, append_rows, read_rows, write_table
@@ -93,11 +94,12 @@ def run_study(
     `jobs`: processes of this machine; `scheduler`: address of a Dask scheduler, or its file. A cell that fails is a row with
     its reason. Raises `StudyError` where rows cannot be kept, `WorkerLost` where a worker ended; both keep what is done.
     """
+    if not isinstance(folder, str | Path):
+        raise StudyError(f"out = {folder!r}: give a folder")
     cells, stored = study.keyed_cells(events, seed), read_rows(folder)
     if retry_failed:
-        stored = {
-            key: rows for key, rows in stored.items() if not rows or rows[0]["status"] != "failed"
-        }
+        for key in [key for key, rows in stored.items() if rows and rows[0]["status"] == "failed"]:
+            del stored[key]
     left = [(key, cell) for key, cell in cells.items() if key not in stored]
     if slowed := [cell for _, cell in left if cell.columns.get("rule") in slow]:
         spent = sum(slow[cell.columns["rule"]] * ASKED * cell.args[0].duration_s for cell in slowed)

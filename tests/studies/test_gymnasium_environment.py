@@ -66,7 +66,7 @@ def test_a_copy_goes_on_as_the_original_does(again):
 
 def test_what_cannot_be_is_said():
     wrong = [{"units": one} for one in ([8], [-1], [0.0], [1, 1], [], True, "0")]
-    for given in (*wrong, {"others": "mcp"}, {"rule": "oracle"}):
+    for given in (*wrong, {"others": "mcp"}, {"rule": "oracle"}, {"scenario": 5}):
         with pytest.raises(InputError, match=str(*given.values()).strip("[]") or "distinct"):
             ReadhesionEnvironment(**given)
     env = ReadhesionEnvironment(short("wet-start"), units=[0])

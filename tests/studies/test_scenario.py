@@ -350,6 +350,12 @@ def test_shipped_events_need_no_remark(name):
     assert not list(find_remarks(load_scenario(name).event(3)))
 
 
+def test_a_curve_that_is_none_is_one_line():
+    CURVES.register("five", 5)
+    with pytest.raises(StudyError, match=r"rail.curve: adhesion curve 'five': it is a int"):
+        make_scenario({"name": "own"} | with_key("rail.curve.kind", "five"), "own.toml").event()
+
+
 def test_a_train_that_a_plug_in_brings_counts_with_its_file():
     TRAINS.register("own-train", lambda: find_train("commuter-8car"))
     assert __name__ in load_scenario("wet-patch").changed(train="own-train").sources
