@@ -21,7 +21,7 @@ from typing import Any as _Any
 import pandas as _pd
 import xarray as _xr
 
-from alloc.conformance import check_controller, check_curve
+from alloc.conformance import check_belief, check_controller, check_curve
 from alloc.evaluation.metrics import METRICS, Metric, metric
 from alloc.evaluation.metrics import evaluate as _evaluate
 from alloc.onboard.beliefs import BELIEFS, Belief
@@ -77,6 +77,7 @@ __all__ = [
     "Scenario",
     "Table",
     "belief",
+    "check_belief",
     "check_controller",
     "check_curve",
     "check_rule",
@@ -166,8 +167,8 @@ def compare(
     _check("seeds", 1 if seeds is None else seeds, 1)
     _check("jobs", jobs, 1)
     _refresh()
-    chosen = [_scenario(one) for one in _several("scenarios", scenarios, _Path, Scenario)]
-    parts = _several("rules", rules), _several("controllers", controllers)
+    chosen = [_scenario(scenario) for scenario in _as_list("scenarios", scenarios, _Path, Scenario)]
+    parts = _as_list("rules", rules), _as_list("controllers", controllers)
     grid = _compare.grid(chosen, *parts, seeds)
     _try_own_parts(grid.rules, grid.controllers)
     study = _compare.study_of(grid)
@@ -194,11 +195,11 @@ def sweep(
     study = _find_study(str(name))
     with _tempfile.TemporaryDirectory() as folder:
         rows = _run_study(study, folder if out is None else out, events, seed, jobs)
-    found = _tidy(rows)
-    found.attrs |= {
-        name: one.to_dict(orient="records") for name, one in study.make_tables(rows).items()
+    table = _tidy(rows)
+    table.attrs |= {
+        name: table.to_dict(orient="records") for name, table in study.make_tables(rows).items()
     }
-    return found
+    return rows
 
 
 def rank(
@@ -222,8 +223,8 @@ def rank(
         raise _StudyError(f"{part}: it registers several parts; give the name of one")
     study = _benchmark.own_study(*pairs[0])
     with _tempfile.TemporaryDirectory() as folder:
-        own = _run_study(study, folder if out is None else out, events, jobs=jobs)
-    tables = study.make_tables(own)
+        rows = _run_study(study, folder if out is None else out, events, jobs=jobs)
+    tables = study.make_tables(rows)
     tables["table"].attrs["gains"] = tables["gains"].to_dict(orient="records")
     return tables["table"]
 
@@ -232,10 +233,10 @@ def plot(run: _xr.Dataset, path: str | _Path | None = None) -> _Any:
     """The figure of a run over time (`matplotlib.figure.Figure`); with a `path` (pdf, png, svg) it is written there."""
     from paper_figs.event import course
 
-    found = course(run)
+    figure = course(run)
     if path is not None:
-        found.savefig(path)
-    return found
+        figure.savefig(path)
+    return figure
 
 
 def save(run: _xr.Dataset, path: str | _Path) -> None:
@@ -249,9 +250,13 @@ def frame(run: _xr.Dataset, dimension: str = "axle") -> _pd.DataFrame:
     if dimension not in list(run.dims):
         raise InputError(f"dimension = {dimension!r:.60}: give one of {[*run.dims]}")
     over = ("time",) if dimension == "time" else ("time", dimension)
-    kept = run[[name for name, one in run.data_vars.items() if one.dims in (over, over[:1])]]
-    table = kept.to_dataframe(over).reset_index()
-    table.attrs["units"] = {name: one.attrs.get("units") for name, one in kept.variables.items()}
+    variables = run[
+        [name for name, variable in run.data_vars.items() if variable.dims in (over, over[:1])]
+    ]
+    table = variables.to_dataframe(over).reset_index()
+    table.attrs["units"] = {
+        name: variable.attrs.get("units") for name, variable in variables.variables.items()
+    }
     return table
 
 
@@ -282,19 +287,19 @@ def _scenario(event: _Any) -> Scenario:
     raise _StudyError(f"event = {event!r:.60}: give a scenario's name, its file, or a Scenario")
 
 
-def _several(option: str, given: _Any, *kinds: type) -> list[_Any]:
+def _as_list(option: str, values: _Any, *kinds: type) -> list[_Any]:
     """One or several names, or things of these kinds, as a list; none for None."""
-    if given is None:
+    if values is None:
         return []
-    several = isinstance(given, _Iterable) and not isinstance(given, (str, *kinds))
-    found = list(given) if several else [given]
-    if not found:
-        raise _StudyError(f"{option} = {given!r:.60}: give one or more, or None for the default")
-    for one in found:
-        if not isinstance(one, (str, *kinds)):
+    is_list = isinstance(values, _Iterable) and not isinstance(values, (str, *kinds))
+    chosen = list(values) if is_list else [values]
+    if not chosen:
+        raise _StudyError(f"{option} = {values!r:.60}: give one or more, or None for the default")
+    for value in chosen:
+        if not isinstance(value, (str, *kinds)):
             hint = "" if kinds else "; register a part of your own, and give its name"
-            raise _StudyError(f"{option} = {one!r:.60}: give a name{hint}")
-    return found
+            raise _StudyError(f"{option} = {value!r:.60}: give a name{hint}")
+    return chosen
 
 
 def _check(option: str, value: _Any, least: int, most: int = 2**31 - 1) -> None:

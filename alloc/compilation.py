@@ -28,21 +28,23 @@ KEPT = 30 * 24 * 3600.0
 
 def _sources() -> str:
     """Hash of everything that compiled code can depend on."""
-    libraries = [f"{one.__name__} {one.__version__}" for one in (numba, llvmlite, numpy)]
+    libraries = [
+        f"{library.__name__} {library.__version__}" for library in (numba, llvmlite, numpy)
+    ]
     digest = hashlib.sha256("\n".join([sys.version, *libraries]).encode())
-    for path in sorted(one for name in PACKAGES for one in (ROOT / name).rglob("*.py")):
+    for path in sorted(library for name in PACKAGES for library in (ROOT / name).rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
 def is_private(folder: Path) -> bool:
     """Whether nobody but this user (or root) can change `folder` or put another in its place, as ssh asks of its keys."""
-    for one in (folder, *folder.parents):
-        about = one.lstat()
-        if about.st_uid not in (0, os.getuid()) or stat.S_ISLNK(about.st_mode):
+    for place in (folder, *folder.parents):
+        status = place.lstat()
+        if status.st_uid not in (0, os.getuid()) or stat.S_ISLNK(status.st_mode):
             return False
-        sticky = one != folder and about.st_mode & stat.S_ISVTX
-        if about.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not sticky:
+        sticky = place != folder and status.st_mode & stat.S_ISVTX
+        if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not sticky:
             return False
     return True
 
@@ -58,9 +60,9 @@ def _folder() -> Path | None:
         if hasattr(os, "getuid") and not is_private(folder):
             return None
         os.utime(folder)
-        for other in place.glob("compiled-*"):
-            if time.time() - other.stat().st_mtime > KEPT:
-                shutil.rmtree(other, ignore_errors=True)
+        for old in place.glob("compiled-*"):
+            if time.time() - old.stat().st_mtime > KEPT:
+                shutil.rmtree(old, ignore_errors=True)
     except OSError:  # a full or a read-only disk: every process compiles for itself
         return None
     return folder
@@ -84,7 +86,7 @@ def jit(*signature: Any) -> Any:
         return numba.njit(**_options(signature[0]))(signature[0])
 
     def decorate(function: Callable[..., Any]) -> Any:
-        with _said(function.__name__):
+        with _announced(function.__name__):
             return numba.njit(*signature, **_options(function))(function)
 
     return decorate
@@ -118,7 +120,7 @@ def last_use(*arrays: Any) -> None:
 
 
 @contextmanager
-def _said(name: str) -> Iterator[None]:
+def _announced(name: str) -> Iterator[None]:
     """Says at a terminal that something is being compiled, once it takes long; the line goes when it is done."""
     shown = sys.stderr is not None and sys.stderr.isatty()
     if shown:

@@ -159,9 +159,9 @@ def cleaned(ratio, scale):
     return 1.0 - exp(-absolute(ratio) / scale)
 
 
-def both_cleaned(own, under):
+def both_cleaned(recovery_degree, under):
     """Degree 0..1 to which a contact is clean: by the wheel's own slip, and by the wheels ahead."""
-    return 1.0 - (1.0 - own) * (1.0 - under)
+    return 1.0 - (1.0 - recovery_degree) * (1.0 - under)
 
 
 def recovered(offered, degree, clean):
@@ -183,13 +183,13 @@ def recovery(degree, power, speed, energy, time, span):
 # Wheelset, motors, brakes
 
 
-def shoe_torque(other, angular_speed, bound, inertia):
-    """Torque of brake shoes [N m] against the rotation of a wheelset under an `other` torque [N m].
+def shoe_torque(torque, angular_speed, bound, inertia):
+    """Torque of brake shoes [N m] against the rotation of a wheelset under another `torque` [N m].
 
     Coulomb friction with a `bound`. At rest as much acts as holds the wheel, so a locked wheel stays locked until the other
     torque exceeds the bound.
     """
-    return minimum(bound, maximum(-bound, other + inertia * angular_speed / LOCK_TIME))
+    return minimum(bound, maximum(-bound, torque + inertia * angular_speed / LOCK_TIME))
 
 
 def torque_rate(torque, command, drive, brake, lag):

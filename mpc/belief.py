@@ -13,7 +13,7 @@ import math
 
 from alloc.compilation import jit
 from alloc.onboard.columns import NAN
-from alloc.onboard.controllers.creep import clip, lag_share, lasted
+from alloc.onboard.controllers.creep import clip, has_lasted, lag_share
 
 AXLES = 8
 """Room for the axles that a unit watches at most: its foremost."""
@@ -72,7 +72,7 @@ def seek_slip(unit, m, limited, period):
     expected = math.sin(m.phase - lag - (LATE + m.late) * m.turn * period)
     m.ticks = m.ticks + 1 if limited else 0
     top = correlate_answers(unit, m, limited, expected, period)
-    settled = top >= 0 and lasted(m.ticks, SMOOTH, period)
+    settled = top >= 0 and has_lasted(m.ticks, SMOOTH, period)
     if settled and math.exp(m.mean_slip[top]) > 0.5 * m.sought:
         z, full, filtered = max(m.slip_answer[top], 1e-9), 0.5 * m.memory * swing, m.turn / m.pole
         sensors = 0.5 * period * m.memory / (1.0 + filtered * filtered) * unsure * unsure

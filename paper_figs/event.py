@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from alloc.evaluation.metrics import evaluate
 from alloc.laws import window
 from alloc.onboard.controllers import CONTROLLERS
-from alloc.plant.rows import rows_of
+from alloc.plant.rows import rows_of_train
 from alloc.rules import RULES
 from alloc.run.event import Event
 from paper_figs.style import NARROW, WIDE, Drawing
@@ -219,7 +219,7 @@ def film(path: Path, name: str = "wet-patch", rule: str = "cooperative") -> None
 
 def _train(axes: Axes, event: Event, run: xr.Dataset, k: int, worst: float) -> None:
     """Cars, wheels and rail at instant `k`, the front at 0; of each wheel the largest slip of the last tenth of a second."""
-    at, axles, front = run.isel(time=k), rows_of(event.train).wheelsets, 0.0
+    at, axles, front = run.isel(time=k), rows_of_train(event.train).wheelsets, 0.0
     for car in event.train.cars:
         corner, face = (front - car.length + 0.5, 0.42), MOTOR_CAR if car.motors else "white"
         axes.add_patch(Rectangle(corner, car.length - 1.0, 0.5, facecolor=face, edgecolor=DARK))

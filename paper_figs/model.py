@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from alloc.plant.curves import CURVES, AdhesionCurve, PiecewiseCurve
-from alloc.plant.rows import rows_of
+from alloc.plant.rows import rows_of_train
 from paper_figs.style import WIDE, Drawing
 from studies.files.scenario_files import load_scenario
 
@@ -124,7 +124,7 @@ def _arrow(axes: Axes, colour: str, *places: tuple[float, float]) -> None:
 
 def _train(axes: Axes) -> None:
     """A trailer and two motor cars of the commuter train, the front at 0, and a wet patch below the front."""
-    axle = rows_of(load_scenario("wet-start").event().train).wheelsets
+    axle = rows_of_train(load_scenario("wet-start").event().train).wheelsets
     axes.set(xlim=(-61.0, 9.0), ylim=(0.0, 10.0), title="(a) train, telegrams and forces")
     for start, length, colour in ((-61.0, 70.0, "#c9ced3"), (-31.0, 40.0, BLUE)):
         axes.add_patch(Rectangle((start, 0.9), length, 0.35, facecolor=colour))

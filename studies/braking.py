@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from alloc.laws import GRAVITY
-from alloc.plant.rows import rows_of
+from alloc.plant.rows import rows_of_train
 from alloc.plant.train import Train
 from alloc.rules import RULES
 from studies import claims
@@ -155,7 +155,7 @@ def event(seed: int, k: int) -> Scenario:
         rail=rail,
         onboard=onboard,
         command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * asked}],
-        failures=e.failure_keys(d, rows_of(train).drives.size, ROLLING),
+        failures=e.failure_keys(d, rows_of_train(train).drives.size, ROLLING),
         receptivity=e.receptivity_keys(d),
         belief=believed | {name: d[name] for name in factors},
         **kind.keys,

@@ -26,7 +26,7 @@ from alloc.evaluation.recorded_run import car_jerk
 from alloc.laws import GRAVITY
 from alloc.onboard.settings import Onboard
 from alloc.plant.rail import Line, Rail
-from alloc.plant.rows import rows_of
+from alloc.plant.rows import rows_of_train
 from alloc.plant.train import EFFORT_SPEED_STEP, Train
 from alloc.plant.trains import find_train
 from alloc.run.driving import NO_COMMAND, TrainSense, drive
@@ -235,7 +235,7 @@ def least_squares(doubt: Floats) -> Learner:
 
 def rim_force(train: Train) -> Floats:
     """Force at the rims of each unit over the torque of its motors [N/(N m)], (units,)."""
-    drives = rows_of(train).drives
+    drives = rows_of_train(train).drives
     return np.asarray(drives.axles * drives.gear / drives.radius)
 
 
@@ -283,7 +283,10 @@ class SpeedControl:
         self.gain = (empty.mass + empty.rotating_mass) / TIME_CONSTANT
         self.integral_gain = self.gain / RESET_TIME if self.integral else 0.0
         self.integrator = 0.0
-        self.limits = rows_of(of.train).effort[0], rows_of(of.train).retard[0]  # alike in all
+        self.limits = (
+            rows_of_train(of.train).effort[0],
+            rows_of_train(of.train).retard[0],
+        )  # alike in all
         self.rim = float(rim_force(of.train).sum())
         self.log: list[tuple[float, ...]] = []  # per period, as `LOGGED`
         self.before: tuple[float, float, float, float, bool] | None = None

@@ -21,7 +21,7 @@ from scipy.stats import norm
 from alloc.evaluation.metrics import METRICS
 from alloc.laws import speed_law
 from alloc.plant.rail import SPEED_LAWS, logarithmic_increments
-from alloc.plant.rows import rows_of
+from alloc.plant.rows import rows_of_train
 from alloc.rules import RULES
 from alloc.run.event import Event
 from alloc.run.simulation import simulate
@@ -205,7 +205,9 @@ def run(base: Scenario, kind: Kind, arm: str, event: int, seed: int, stations: i
     how, rows, stored = ARMS[arm], list[Row](), None
     for station in range(1, stations + 1):
         own = start(base, kind, event, station, seed)
-        truth = unit_increments(np.array(own.rail.increments), rows_of(own.train).wheelsets.unit)
+        truth = unit_increments(
+            np.array(own.rail.increments), rows_of_train(own.train).wheelsets.unit
+        )
         if stored is None:
             stored = Stored((1.0 if how.learner == "truth" else AT_FIRST[kind[1]]) * truth)
         belief = replace(own.onboard.belief, unit_increments=tuple(stored.increment.tolist()))

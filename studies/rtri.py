@@ -30,7 +30,7 @@ from alloc.evaluation.brake_force import (
 from alloc.evaluation.measured_series import spans
 from alloc.laws import resistance, speed_law
 from alloc.plant.rail import Rail
-from alloc.plant.rows import rows_of
+from alloc.plant.rows import rows_of_train
 from alloc.plant.train import Train
 from alloc.plant.trains import find_train
 from alloc.run.driving import NO_COMMAND, TrainSense, drive
@@ -179,7 +179,7 @@ def record(test: RunningTest, train: Train, day: int | None) -> Measured:
         coupler = gains * coupler + zeros + COUPLER_NOISE * draw(coupler.shape)
         pressure = pressure + PRESSURE_NOISE * draw(pressure.shape)
     mass = rolling_mass(bare, inertia, radius)
-    c = rows_of(train).cars
+    c = rows_of_train(train).cars
     drag = resistance(speed[:, None], c.resistance, c.resistance_linear, c.resistance_quadratic)
     time, true = run["time"].values[::every], sampled(truth)
     return Measured(time, speed, acceleration, coupler, pressure, mass, drag, true)

@@ -8,19 +8,19 @@ from linecache import getline
 import numpy as np
 import pytest
 
-from alloc.conformance import DRY, check_controller, check_curve, check_part
-from alloc.onboard.beliefs import Belief
+from alloc.conformance import DRY, check_belief, check_controller, check_curve, check_part
+from alloc.onboard.beliefs import BELIEFS, Belief
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.signatures import control, share
 from alloc.plant.curves import CURVES, PiecewiseCurve, own_curve
 from alloc.rules import RULES, Rule
 from alloc.rules.conformance import BrokenLaw, check_rule
-from alloc.run.simulation import simulate
+from alloc.run.simulation import Simulation, simulate
 from alloc.schema.errors import InputError
 from tests.cases import looped
 
 
-@looped("name", [*CONTROLLERS, *CURVES])
+@looped("name", [*CONTROLLERS, *BELIEFS, *CURVES])
 def test_what_ships_keeps_every_law(name):
     assert max(check_part(name).values()) < 1e-2
 
@@ -54,6 +54,56 @@ def never_again(unit, axles, memory, run):
 def test_a_faulty_controller_is_told(function, broken, said):
     with pytest.raises(BrokenLaw, match=rf"^faulty breaks the law '{broken}'.*{said}"):
         check_controller(Controller("faulty", function, ""))
+
+
+def of_the_delivered(change):
+    """The belief "delivered" with a change of the units after it."""
+
+    def function(tick, units, reports, report_tick, run):
+        asks = BELIEFS["delivered"].function(tick, units, reports, report_tick, run)
+        change(units, run)
+        return asks
+
+    return Belief("faulty", function, "")
+
+
+def negative(units, run):
+    units.cap = -0.1
+
+
+def never_lifted(units, run):
+    units.wanted = np.minimum(units.wanted, 0.5)
+
+
+@looped(("change", "broken"), [(negative, "caps"), (never_lifted, "lifts")])
+def test_a_faulty_belief_is_told(change, broken):
+    with pytest.raises(BrokenLaw, match=rf"^faulty breaks the law '{broken}'"):
+        check_belief(of_the_delivered(change))
+
+
+def test_a_controller_that_gets_at_the_plant_is_not_blind(monkeypatch):
+    runs, start = [], Simulation.__init__
+
+    def watched(self, *arguments):
+        start(self, *arguments)
+        runs.append(self)
+
+    def cheats(unit, axles, memory, run):
+        offered = runs[-1].world.wheelsets.offered.min()
+        carried = 0.9 * offered * unit.load * unit.radius / unit.gear
+        unit.torque_command = min(unit.torque_target, carried if carried > 0.0 else 0.0)
+
+    monkeypatch.setattr(Simulation, "__init__", watched)
+    with pytest.raises(BrokenLaw, match="breaks the law 'blind'"):
+        check_controller(Controller("cheat", cheats, ""))
+
+
+def test_a_row_on_board_has_no_column_of_the_rail():
+    def cheats(unit, axles, memory, run):
+        unit.torque_command = axles[0].offered * unit.torque_target
+
+    with pytest.raises(InputError, match="offered"):
+        check_controller(Controller("cheat", cheats, ""))
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from alloc.plant import dynamics
 from alloc.plant.columns import CAR, CYLINDER, DRIVE, PLANT, WHEELSET
 from alloc.run import wire
 from alloc.run.simulation import Simulation
-from alloc.schema.tables import words
+from alloc.schema.tables import memory_words
 from studies.files.scenario_files import load_scenario
 
 H = 0.01
@@ -69,7 +69,7 @@ def board(seed=0, **run):
         "reports": said, "orders": said, "order_tick": sent, "report_tick": sent, "y": np.array(y),
         "noise": 0.01 * rng.standard_normal(6),
         "effort": table, "retard": 0.9 * table, "omega": 2, "torque": 8, "k": 40, "tick": 40, "j": 1, "always": True,
-        "asked": False, "instant": 0.3, "span": 0.2, "time": 9.5, "force": 1e4, "lead": -0.02, "speed": 20.0, "turning": 0.1,
+        "asks": False, "instant": 0.3, "span": 0.2, "time": 9.5, "force": 1e4, "lead": -0.02, "speed": 20.0, "turning": 0.1,
         "bound": 900.0, "full": 1500.0, "rolling": 0.01, "sure": True,
     }  # fmt: skip
 
@@ -87,7 +87,7 @@ def test_compiled_code_is_the_python_that_it_is_written_in(name, now):
         b = board(**now)
         with np.errstate(all="ignore"):
             answer = call(function, b)
-        rows = [words(b[table]).tobytes() for table in ("axles", "units", "brakes")]
+        rows = [memory_words(b[table]).tobytes() for table in ("axles", "units", "brakes")]
         found.append(([*rows, b["run"].tobytes()], np.array(answer, dtype=float)))
     assert found[0][0] == found[1][0]
     assert np.array_equal(found[0][1], found[1][1], equal_nan=True)
@@ -111,7 +111,7 @@ def test_the_wire_compiled_is_the_python_that_it_is_written_in(name):
         w = deepcopy(run.world)._asdict()
         rows = {key: w[key][0] for key in ("plant", "onboard", "run", "noise")}
         call(function, w | rows | {"y": w["state"], "t": 0.6})
-        found.append({key: words(w[key]).tobytes() for key in w if w[key].dtype.names})
+        found.append({key: memory_words(w[key]).tobytes() for key in w if w[key].dtype.names})
     assert found[0] == found[1]
 
 
@@ -125,7 +125,7 @@ def test_a_constant_acceleration_is_found_as_it_is(pole, sign):
     )
     for k in range(500):
         u.rim = 20.0 + 1.3 * k * H
-        sensing.detect(u, onboard, run)
+        sensing.detect_slip(u, onboard, run)
         rising = -math.expm1(-pole * k * H)
         assert u.computed_acceleration == pytest.approx(sign * 1.3 * rising, abs=1e-10)
 
@@ -142,7 +142,7 @@ def test_the_observer_finds_what_the_rail_carries_and_as_printed_what_motors_giv
     turning, off = 0.0 if printed else 120.0 * sign * gain / 0.45, []
     for k in range(400):
         u.rim = 20.0 + gain * k * H
-        sensing.observe(u, onboard, run)
+        sensing.observe_coefficient(u, onboard, run)
         off.append(
             u.coefficient_estimate - (6.0 * 2000.0 - turning) / (9e4 * 0.45) - (sign < 0) * 0.01
         )
@@ -158,7 +158,7 @@ def test_readings_are_true_rim_speeds_with_noise_steps_and_wrong_radii(commanded
     units.air_brake_force = [1500.0, 2500.0]
     b["axles"].true_speed = b["run"].true_speed = 20.0
     call(wire.read, b)
-    call(sensing.sense, b)
+    call(sensing.sense_train, b)
     steps = (axles.radius * b["y"][2:8] + b["noise"]) / b["onboard"].speed_quantum
     assert (axles.reading / b["onboard"].speed_quantum)[seen] == pytest.approx(np.rint(steps[seen]))
     assert (
@@ -184,13 +184,13 @@ def test_slip_is_signalled_with_hysteresis_and_the_estimate_held_at_its_begin():
     for k in range(400):  # slip grows for a second and falls from the third to the fourth
         run.time, u.coefficient_estimate = k * H, 0.1 + 1e-4 * k
         u.worst_slip = min(k * H, 1.0, 4.0 - k * H)
-        sensing.detect(u, onboard, run)
+        sensing.detect_slip(u, onboard, run)
         on.append(u.slipping)
     assert np.flatnonzero(np.diff(on)) == pytest.approx([60, 370], abs=1)
     assert (u.detected, u.held) == (on.index(1) * H, 0.1 + 1e-4 * on.index(1))
     assert u.slipped == (on.index(1) + sum(on) - 1) * H
     run.driver_command, u.worst_slip, u.detected = 0.0, 2.0, NEVER
-    sensing.detect(u, onboard, run)
+    sensing.detect_slip(u, onboard, run)
     assert (u.slipping, u.detected) == (1, NEVER)  # without a demand there is nothing to hold
 
 
@@ -203,7 +203,7 @@ def test_a_failure_is_known_a_tenth_of_a_second_later():
         found.append(list(b["units"].works))
     assert list(np.sum(found, axis=0)) == [30, 40]
     for failure in ([0.2, 0.3, 9.0], [0.2, 0.3, 0.1]):  # the hindmost leads where none works
-        leaders = telegrams.leaders(50, np.array(failure), H)
+        leaders = telegrams.find_leaders(50, np.array(failure), H)
         assert list(leaders) == [0] * 30 + [1] * 10 + [2] * 10
 
 
@@ -253,7 +253,7 @@ def test_a_report_is_the_limit_that_is_followed_whatever_the_train_gains(reached
     units.coefficient_estimate = limit * (1.0 + units.turning) - units.turning * reached * 0.1
     for k in range(600):
         run.time, run.reference_speed = k * H, 10.0 + 0.5 * reached * (k + 1) * H
-        sensing.report(units, run)
+        sensing.report_units(units, run)
     assert units.delivered == pytest.approx(limit, rel=1e-9)
 
 
@@ -264,19 +264,19 @@ def test_a_unit_says_with_its_telegrams_what_limits_it():
     run = RUN.rows(1, driver_command=0.8, plan=0.1, leader=2)[0]
     for k in range(38):
         run.time = k * H
-        sensing.report(units, run)
+        sensing.report_units(units, run)
     assert list(units.limited) == pytest.approx([0.3, NEVER, 0.37, 0.3, 0.3, 0.3])
     units.limited, run.plan, run.time = (
         NEVER,
         0.3,
         0.4,
     )  # a target below half of the plan says nothing
-    sensing.report(units[:3], run)
+    sensing.report_units(units[:3], run)
     assert (units.limited[:3] == NEVER).all()
 
 
 def newest(latency=0.0, jitter=0.0, loss=0.0):
-    return telegrams.telegrams(np.zeros(400, int), 4, 10, H, latency, jitter, loss, seed=1)
+    return telegrams.draw_telegrams(np.zeros(400, int), 4, 10, H, latency, jitter, loss, seed=1)
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.03, 0.25])
@@ -343,7 +343,7 @@ def braking(ticks, takes=1.0, left=1.0, limit=0.1, **columns):
     for _ in range(ticks):
         targets.set_brake_targets(units, onboard, run)
         u.torque_command = left * u.torque_target
-        targets.foresee(units, run)
+        targets.foresee_torques(units, run)
         taken = min(u.torque_command, takes * FULL)
         u.motor_torque += -math.expm1(-H / u.lag) * (taken - u.motor_torque)
         yield u
@@ -412,7 +412,7 @@ def valves(readings, protection=1, speed=20.0, ticks=1, braking=1):
     axles, rows = AXLE.rows(4, reading=readings, brake=[0, 0, 1, 1]), BRAKE.rows(2)
     run = RUN.rows(1, braking=braking, reference_speed=speed)[0]
     for k in range(ticks):
-        slide.protect(k, axles, rows, SLIDE.rows(1, protection=protection)[0], run)
+        slide.protect_wheels(k, axles, rows, SLIDE.rows(1, protection=protection)[0], run)
     return list(rows.valve)
 
 
@@ -443,7 +443,7 @@ def test_an_unseen_axle_cannot_run_away(watched, seen, peak):
         b["run"].time, y[1], b["y"] = k * H, 5.0 + 0.3 * k * H, y
         call(wire.tell_speed, b)
         call(wire.read, b)
-        call(sensing.sense, b)
+        call(sensing.sense_train, b)
         units.runs_away &= watched
         targets.set_targets(units, b["onboard"], b["run"])
         y[6] = units.torque_target[0]

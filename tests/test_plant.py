@@ -106,7 +106,7 @@ class Train:
     def run(self, seconds, step=0.002, period=0.01):
         self.plant.step, self.plant.period = step, period
         for k in range(round(seconds / period)):
-            plant.advance(k * period, *[getattr(self, name) for name in ROWS])
+            plant.advance_period(k * period, *[getattr(self, name) for name in ROWS])
         return self.y
 
 
@@ -378,7 +378,7 @@ def test_the_record_has_what_follows_from_the_state():
     w = Train("three cars")
     y, row = w.state(10.0), w.plant
     dy = w.slope(y)
-    plant.note(y, dy, w.wheelsets, w.cars, w.drives, w.cylinders, row)
+    plant.note_instant(y, dy, w.wheelsets, w.cars, w.drives, w.cylinders, row)
     assert (row.position, row.motor_work, row.coupler_work) == (y[0], y[-4], y[-1])
     assert row.speed == pytest.approx(w.cars.mass @ y[3:6] / w.cars.mass.sum())
     assert row.acceleration == pytest.approx(w.cars.mass @ dy[3:6] / w.cars.mass.sum())

@@ -8,7 +8,7 @@ import pytest
 import readhesion
 from alloc.compilation import is_private
 from alloc.onboard.columns import TABLES, UNIT
-from alloc.schema.tables import Column, Table, words
+from alloc.schema.tables import Column, Table, memory_words
 
 FACTOR = r"(N|Pa|J|W|kg|km|m|s|h|rad)(-?[1-9])?"
 UNITS = re.compile(rf"1|{FACTOR}( {FACTOR})*")
@@ -31,7 +31,9 @@ def test_a_name_stands_for_one_recorded_quantity():
 
 def test_recorded_columns_are_the_first_words_of_a_row():
     rows = UNIT.rows(3, limit=[0.1, 0.2, 0.3], slipping=[0, 1, 0])
-    told = np.ascontiguousarray(words(rows)[:, : UNIT.recorded.itemsize // 8]).view(UNIT.recorded)
+    told = np.ascontiguousarray(memory_words(rows)[:, : UNIT.recorded.itemsize // 8]).view(
+        UNIT.recorded
+    )
     for name in UNIT.recorded.names:
         np.testing.assert_array_equal(told[name][:, 0], rows[name])
 

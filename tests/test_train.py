@@ -11,7 +11,7 @@ from alloc.onboard.rows import radius_errors
 from alloc.onboard.settings import Dropout, Onboard, Sensors
 from alloc.plant.curves import CURVES, own_curve
 from alloc.plant.rail import Line, Patch, Rail
-from alloc.plant.rows import level_for, offered_by, planned_coefficients, rows_of
+from alloc.plant.rows import level_for, offered_by, planned_coefficients, rows_of_train
 from alloc.plant.train import AirBrake, Car, Coupler, Motors, Train
 from alloc.plant.trains import TRAINS, find_train
 from alloc.run.event import DriverCommand, Event
@@ -39,7 +39,7 @@ every_train = looped("train", EVERY_TRAIN)
 
 @every_train
 def test_rows_are_the_sums_of_the_cars(train):
-    rows, weight = rows_of(train), 0.0
+    rows, weight = rows_of_train(train), 0.0
     for c, car in enumerate(train.cars):
         mine = rows.wheelsets[rows.wheelsets.car == c]
         weight = (car.mass + car.load) * 9.80665 * sum(car.axle_load_share or (1.0,))
@@ -57,7 +57,7 @@ def test_rows_are_the_sums_of_the_cars(train):
 
 @every_train
 def test_units_and_brakes_count_from_the_front_and_know_their_axles(train):
-    rows = rows_of(train)
+    rows = rows_of_train(train)
     _, units, brakes, _ = believed_train(rows, train, Onboard())
     for kind, member in ((units, rows.wheelsets.unit), (brakes, rows.wheelsets.brake)):
         assert [int((member == k).sum()) for k in range(kind.size)] == kind.axles.tolist()
@@ -71,7 +71,7 @@ def test_units_and_brakes_count_from_the_front_and_know_their_axles(train):
 
 @every_train
 def test_the_plan_moves_the_train_and_turns_the_wheels_that_do_not_act(train):
-    rows = rows_of(train)
+    rows = rows_of_train(train)
     _, units, _, believed = believed_train(rows, train, Onboard())
     wheels, load = rows.wheelsets, rows.wheelsets.static_load
     blended = rows.cylinders.size > 0 or rows.drives.size == 0
@@ -91,7 +91,7 @@ def test_the_plan_moves_the_train_and_turns_the_wheels_that_do_not_act(train):
 @every_train
 def test_a_train_reversed_twice_is_itself(train):
     there, back, again = (
-        rows_of(one) for one in (train, train.reversed(), train.reversed().reversed())
+        rows_of_train(one) for one in (train, train.reversed(), train.reversed().reversed())
     )
     for name in (
         "static_load",
@@ -125,13 +125,17 @@ def test_a_load_rests_on_its_car_and_is_believed_as_measured(train):
     loads = [1000.0 * (1 + c) for c in range(len(train.cars))]
     empty, full = train.loaded([0.0] * len(loads)), train.loaded(loads)
     assert full.mass - empty.mass == pytest.approx(sum(loads))
-    more = rows_of(full).wheelsets.static_load - rows_of(empty).wheelsets.static_load
+    more = rows_of_train(full).wheelsets.static_load - rows_of_train(empty).wheelsets.static_load
     share = np.concatenate([car.shares for car in train.cars])
-    assert more == pytest.approx(GRAVITY * np.array(loads)[rows_of(full).wheelsets.car] * share)
+    assert more == pytest.approx(
+        GRAVITY * np.array(loads)[rows_of_train(full).wheelsets.car] * share
+    )
     errors = np.random.default_rng(5).standard_normal(len(loads))
     measured = train.loaded((loads * (1.0 + 0.1 * errors)).tolist())
-    wrong = believed_train(rows_of(full), full, Onboard(sensors=Sensors(load_error=0.1, seed=5)))
-    right = believed_train(rows_of(measured), measured, Onboard())
+    wrong = believed_train(
+        rows_of_train(full), full, Onboard(sensors=Sensors(load_error=0.1, seed=5))
+    )
+    right = believed_train(rows_of_train(measured), measured, Onboard())
     assert wrong[1].load == pytest.approx(right[1].load)
 
 
@@ -158,7 +162,7 @@ def test_torque_limits_follow_torque_power_pull_out_and_fading():
 
 @looped("train", [find_train("freight-17"), find_train("freight-17").reversed()])
 def test_a_command_runs_along_the_brake_pipe_from_the_head_of_the_train(train):
-    rows, front = rows_of(train), np.cumsum([0.0, *(car.length for car in train.cars)])
+    rows, front = rows_of_train(train), np.cumsum([0.0, *(car.length for car in train.cars)])
     for g, group in enumerate(rows.cylinders):
         car = rows.wheelsets.car[rows.wheelsets.brake == g][0]
         brake = train.cars[car].air_brake
@@ -167,7 +171,7 @@ def test_a_command_runs_along_the_brake_pipe_from_the_head_of_the_train(train):
 
 
 def test_what_the_computers_cannot_know_is_in_other_tables():
-    rows, wrong = rows_of(UNEQUAL), Onboard(sensors=Sensors(radius_error=0.01, seed=2))
+    rows, wrong = rows_of_train(UNEQUAL), Onboard(sensors=Sensors(radius_error=0.01, seed=2))
     errors = radius_errors(wrong, 10)
     axles, units, brakes, _ = believed_train(rows, UNEQUAL, wrong)
     assert axles.radius == pytest.approx(rows.wheelsets.radius * (1.0 + errors))
@@ -188,7 +192,7 @@ def test_what_the_computers_cannot_know_is_in_other_tables():
 ])  # fmt: skip
 def test_a_wrong_belief_changes_believed_columns_alone(factor, columns):
     onboard = Onboard().with_settings({f"belief.{factor}": 1.3})
-    rows = [believed_train(rows_of(UNEQUAL), UNEQUAL, one) for one in (Onboard(), onboard)]
+    rows = [believed_train(rows_of_train(UNEQUAL), UNEQUAL, one) for one in (Onboard(), onboard)]
     for name, right, wrong in zip(("axle", "unit", "brake"), *rows, strict=False):
         changed = {key for key in right.dtype.names if right[key].tobytes() != wrong[key].tobytes()}
         assert changed == columns.get(name, set())

@@ -27,7 +27,7 @@ FEW = 5.0
 
 
 @jit
-def ease(units, onboard, run):
+def ease_units(units, onboard, run):
     """`unit.eased`, the share of its torque command that a unit applies: one after the other while the speed is in doubt.
 
     It ends once the wheels have returned. Blended brakes are left alone: air would hold a slide.
@@ -39,8 +39,8 @@ def ease(units, onboard, run):
     if last.eased < 1.0 and (run.easing < SHORTEST or (last.returns and run.easing < LONGEST)):
         return
     last.eased = 1.0
-    known = run.reference_deviation < onboard.doubt or run.easing < LONGEST + PAUSE
-    if known or run.braking:
+    sure = run.reference_deviation < onboard.doubt or run.easing < LONGEST + PAUSE
+    if sure or run.braking:
         return
     for n in range(1, units.size + 1):
         j = (run.eased + n) % units.size

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.columns import INF, ONBOARD, RUN, SLIDE
 from alloc.onboard.settings import Onboard, SlideLaw
-from alloc.schema.tables import Rows, put
+from alloc.schema.tables import Rows, put_fields
 
 COMPARED = 1e-4
 """Relative deviation of radii that were compared: 3 s at 10 m/s and with 10 mm/s of noise in a reading leave as much."""
@@ -66,7 +66,7 @@ def onboard_rows(
         (board, detector, "detector_"), (board, onboard.observer, "observer_"), (valves, slide, ""),
         (valves, slide.threshold, "threshold_"), (valves, slide.fuzzy, "fuzzy_"),
     ):  # fmt: skip
-        put(row, record, prefix)
+        put_fields(row, record, prefix)
     board.detector_pole = detector_pole(onboard, noise, watched)
     run = RUN.rows(
         1, period=onboard.period, telegram=telegrams.period, rise=onboard.rise_time, hold=onboard.hold_time,

@@ -3,8 +3,8 @@
 In: what has been read over the wire (`alloc.run.wire`). Out: columns of axles and units.
 
 An axle without a signal is taken to roll at the reference speed, and a unit's speed is that of its other axles. Nothing in
-their readings betrays that it slips. So its unit is asked for less (`sight`), and the inverter watches it: from voltage and
-current it roughly has the mean speed of its motors, and so that of those unseen (`watch_unseen`).
+their readings betrays that it slips. So its unit is asked for less (`limit_by_sight`), and the inverter watches it: from
+voltage and current it roughly has the mean speed of its motors, and so that of those unseen (`watch_unseen`).
 """
 
 import math
@@ -37,7 +37,7 @@ WATCHED, WATCHED_SHARE = 1.0, 0.1
 
 
 @jit
-def sense(axles, units, brakes, effort, retard, onboard, run):
+def sense_train(axles, units, brakes, effort, retard, onboard, run):
     """Everything sensed in this instant: reference speed, then each unit's limits, coefficient, slip signal.
 
     `effort`, `retard`: largest torques of the motors as the computers have them [N m], (units, speeds).
@@ -62,8 +62,8 @@ def sense(axles, units, brakes, effort, retard, onboard, run):
         u.drive_limit = look_up(effort, j, 3.6 * abs(u.rim))
         u.brake_limit = look_up(retard, j, 3.6 * abs(u.rim))
         watch_unseen(u, run)
-        observe(u, onboard, run)
-        detect(u, onboard, run)
+        observe_coefficient(u, onboard, run)
+        detect_slip(u, onboard, run)
 
 
 @jit
@@ -148,7 +148,7 @@ def watch_unseen(u, run):
 
 
 @jit
-def sight(u, run):
+def limit_by_sight(u, run):
     """Largest limit [1] of a unit by what it sees: a share `BLIND` of the plan where it sees none of its axles.
 
     The oracle, which alone has `unit.truth`, needs no sight.
@@ -157,7 +157,7 @@ def sight(u, run):
 
 
 @jit
-def observe(u, onboard, run):
+def observe_coefficient(u, onboard, run):
     """Coefficient of a unit by the disturbance observer, JP5484215 (1)-(4); in blended braking with air, (18).
 
     tau_c = a / (s + a) (tau_m - J s w) is z - a J w with z = a / (s + a) (tau_m + a J w), which needs no derivative. Torque
@@ -182,7 +182,7 @@ def observe(u, onboard, run):
 
 
 @jit
-def detect(u, onboard, run):
+def detect_slip(u, onboard, run):
     """Acceleration of a unit's axles and its slip signal, JP5484215 Fig. 5; the estimate at the signal's begin is held.
 
     The differentiator is p s / (s + p). The filter's advance over a period finds a constant acceleration as it is; p times
@@ -206,7 +206,7 @@ def detect(u, onboard, run):
 
 
 @jit
-def report(units, run):
+def report_units(units, run):
     """What each unit would say of itself: `delivered`, the limit at which it would deliver what it delivers, and `limited`.
 
     A limit holds the torque that turns the wheelsets at the planned acceleration; they take what the train really gains.
@@ -223,9 +223,9 @@ def report(units, run):
         turning = u.brake_turning if run.braking else u.turning
         delivered = max(u.coefficient_estimate, 0.0) + turning * reached * run.plan
         u.delivered += gain * (delivered / (1.0 + turning) - u.delivered)
-        asked = u.torque_target * u.gear / (u.load * u.radius)
-        short = u.torque_command < WHOLE * u.torque_target and asked > ACTING * run.plan
-        own = u.runs_away == 1 or u.protected == 1 or (u.works == 0 and run.braking == 0)
+        target = u.torque_target * u.gear / (u.load * u.radius)
+        short = u.torque_command < WHOLE * u.torque_target and target > ACTING * run.plan
+        held_back = u.runs_away == 1 or u.protected == 1 or (u.works == 0 and run.braking == 0)
         # said with a telegram; the leader needs none to hear itself
-        if pulls and (short or own) and (due or j == run.leader):
+        if pulls and (short or held_back) and (due or j == run.leader):
             u.limited = run.time

@@ -132,7 +132,7 @@ class Sensors(OnboardParameters):
     """Speed signals that are lost for a time, at most once per axle. A unit continues with its other axles."""
 
     def _faults(self) -> Iterator[str]:
-        lost = [one.axle for one in self.dropouts]
+        lost = [dropout.axle for dropout in self.dropouts]
         if len(set(lost)) < len(lost):
             yield f"dropouts of the axles {lost}; give one per axle at most"
 
@@ -317,7 +317,7 @@ class Onboard(OnboardParameters):
 def _with(record: Any, parts: list[str], value: Any, path: str) -> Any:
     """`record` with `value` at the end of these names of fields."""
     name, *inner = parts
-    if not is_dataclass(record) or name not in (one.name for one in fields(record)):
+    if not is_dataclass(record) or name not in (item.name for item in fields(record)):
         raise OnboardError(f"setting {path!r} is no field of alloc.onboard.settings.Onboard")
     value = _with(getattr(record, name), inner, value, path) if inner else value
     return replace(record, **{name: value})  # type: ignore[type-var]

@@ -20,7 +20,7 @@ SHARE = float64(UNIT.type, RUN.row)
 BELIEF = boolean(int64, UNIT.type, UNIT.recorded_row[:, ::1], int64[:, ::1], RUN.row)
 CONTROL = void(UNIT.row, AXLE.type, float64[::1], RUN.row)
 SHARE_TYPE, BELIEF_TYPE, CONTROL_TYPE = (
-    types.FunctionType(one) for one in (SHARE, BELIEF, CONTROL)
+    types.FunctionType(signature) for signature in (SHARE, BELIEF, CONTROL)
 )
 
 share: Any = jit
@@ -41,4 +41,4 @@ controller's own row of this unit, read as `memory.view(ROW)[0]`.
 
 def are_compiled(*functions: Callable[..., Any]) -> bool:
     """Whether all of them are compiled, so that the loop of a run can call them."""
-    return all(hasattr(one, "py_func") for one in functions)
+    return all(hasattr(function, "py_func") for function in functions)

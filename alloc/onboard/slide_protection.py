@@ -21,7 +21,7 @@ STANDING = 0.1
 
 
 @jit
-def protect(k, axles, brakes, slide, run):
+def protect_wheels(k, axles, brakes, slide, run):
     """`brake.valve` of every bogie at instant `k`: decided every so many, until the next; at rest while the brakes are."""
     if not run.braking:
         for a in axles:
@@ -36,7 +36,7 @@ def protect(k, axles, brakes, slide, run):
     for a in axles:
         if a.brake >= 0:
             b = brakes[a.brake]
-            b.severity = max(b.severity, asked_by(a, slide, run))
+            b.severity = max(b.severity, severity_at_axle(a, slide, run))
     for b in brakes:
         b.valve = SUPPLY if b.severity < 0.5 else HOLD if b.severity < 1.5 else RELEASE
         if run.reference_speed < slide.cut_out_speed:
@@ -44,7 +44,7 @@ def protect(k, axles, brakes, slide, run):
 
 
 @jit
-def asked_by(a, slide, run):
+def severity_at_axle(a, slide, run):
     """What an axle asks of its bogie's valves, `SUPPLY` to `RELEASE`: release if it stands while the train runs."""
     speed, period = run.reference_speed, run.period * slide.every
     behind = max(speed - a.reading, 0.0)

@@ -12,7 +12,7 @@ for more than the plan: what a unit carries beyond it is its motors', which can 
 import math
 
 from alloc.compilation import jit
-from alloc.onboard.sensing import shoe_friction, sight
+from alloc.onboard.sensing import limit_by_sight, shoe_friction
 from alloc.onboard.slide_protection import LEAST_SPEED, SUPPLY
 
 MIDDLE = 0.5
@@ -39,7 +39,7 @@ def set_targets(units, onboard, run):
         rising = u.pattern + scale * run.plan * run.period / run.rise
         # what its limit has held back the oracle may have again at once
         most = u.limit if u.truth == math.inf else max(u.limit, run.plan)
-        u.pattern = min(scale * min(most, sight(u, run)), bound, rising)
+        u.pattern = min(scale * min(most, limit_by_sight(u, run)), bound, rising)
         if run.driver_command == 0.0 or u.runs_away:
             u.pattern = 0.0
         u.torque_target = min(u.pattern, scale * u.limit)
@@ -69,7 +69,7 @@ def set_brake_targets(units, onboard, run):
         u.pattern = min(scale * u.limit, u.pattern + full * run.period / run.rise)
         if u.runs_away:  # as pulling; air too would hold the slide
             u.pattern = 0.0
-        bound = min(u.brake_limit, scale * sight(u, run))
+        bound = min(u.brake_limit, scale * limit_by_sight(u, run))
         motors = share_of_motors(u, bound, full, onboard, run)
         left = u.torque_command / motors if motors > 0.0 else 1.0
         u.kept = min(max(u.kept + (left - MIDDLE) * run.period / EASE_TIME, 0.0), 1.0)
@@ -99,7 +99,7 @@ def share_of_motors(u, bound, full, onboard, run):
 
 
 @jit
-def foresee(units, run):
+def foresee_torques(units, run):
     """What motors are commanded, `unit.applied`, and what they give a period on if they work and the line takes it,
     `unit.foreseen`; both positive pulling.
     """

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 Ticks = NDArray[np.int64]
 
 
-def leaders(ticks: int, failure: Floats, period: float) -> Ticks:
+def find_leaders(ticks: int, failure: Floats, period: float) -> Ticks:
     """The foremost unit that works, as the train knows, (ticks,); the hindmost if none does.
 
     `failure` (units,): instants at which motors fail [s]; `period` of control [s].
@@ -24,7 +24,7 @@ def leaders(ticks: int, failure: Floats, period: float) -> Ticks:
     return np.where(works.any(axis=1), works.argmax(axis=1), failure.size - 1).astype(np.int64)
 
 
-def telegrams(
+def draw_telegrams(
     leader: Ticks,
     units: int,
     every: int,
@@ -40,26 +40,28 @@ def telegrams(
     probability `loss`, never. The leader itself needs none; at the first instant all know all. Draws do not depend on the
     settings, so events that differ in these alone lose the same telegrams.
     """
-    found, ticks = [], leader.size
+    arrived, ticks = [], leader.size
     sent = np.arange(0, ticks, every, dtype=np.int64)
     for stream in (4, 2):  # reports, orders
         draws = np.random.default_rng([seed, stream]).random((2, ticks // every + 1, units))
         late, lost = draws[:, : sent.size]
         delay = np.where(lost < loss, np.inf, (latency + jitter * late) / period)
-        known = newest(ticks, sent, np.asarray(sent[:, None] + delay, dtype=np.float64))
+        newest_tick = newest_arrived(
+            ticks, sent, np.asarray(sent[:, None] + delay, dtype=np.float64)
+        )
         if units:
-            known[np.arange(ticks), leader] = np.arange(ticks)
-        found.append(known)
-    return found[0], found[1]
+            newest_tick[np.arange(ticks), leader] = np.arange(ticks)
+        arrived.append(newest_tick)
+    return arrived[0], arrived[1]
 
 
-def newest(ticks: int, sent: Ticks, arrival: Floats) -> Ticks:
+def newest_arrived(ticks: int, sent: Ticks, arrival: Floats) -> Ticks:
     """The newest instant of `sent` whose telegram has arrived, (ticks, lines); `arrival` (sent, lines), in instants."""
-    there = np.minimum(np.ceil(arrival - 1e-6), ticks).astype(np.int64)
-    found = np.zeros((ticks + 1, arrival.shape[1]), dtype=np.int64)  # the last row: too late
+    arrived = np.minimum(np.ceil(arrival - 1e-6), ticks).astype(np.int64)
+    ticks_sent = np.zeros((ticks + 1, arrival.shape[1]), dtype=np.int64)  # the last row: too late
     for line in range(arrival.shape[1]):
-        np.maximum.at(found[:, line], there[:, line], sent)
-    return np.maximum.accumulate(found[:ticks], axis=0)
+        np.maximum.at(ticks_sent[:, line], arrived[:, line], sent)
+    return np.maximum.accumulate(ticks_sent[:ticks], axis=0)
 
 
 @jit

@@ -56,7 +56,7 @@ CAR = Table(
     resistance=Column(0.0, "N", "running resistance at rest"),
     resistance_linear=Column(0.0, "N s m-1", "part of the running resistance that grows with the speed"),
     resistance_quadratic=Column(0.0, "N s2 m-2", "part that grows with its square, the air's"),
-    **{key: replace(one, default=0.0) for key, one in columns_of(Coupler).items()},  # of the one behind it
+    **{key: replace(column, default=0.0) for key, column in columns_of(Coupler).items()},  # of the one behind it
     # of the instant
     force=Column(0.0, "N", "rail force of its axles"),
     pitch=Column(0.0, ONE, "sum of its axles' coefficients times unloading"),

@@ -45,8 +45,8 @@ def coefficient(curve, q, slip, speed, rim, peak, contact):
     if curve == PIECEWISE:
         return law.piecewise_coefficient(slip, peak, q[0], q[1], q[2], q[3], q[4])
     if curve == POLACH:
-        made = q[0] * contact
-        return law.polach_coefficient(slip, speed, rim, peak, q[2], q[3], q[4], q[5], made)
+        stiffness = q[0] * contact
+        return law.polach_coefficient(slip, speed, rim, peak, q[2], q[3], q[4], q[5], stiffness)
     if curve == POLACH_BY_FRICTION:
         return law.polach_by_friction(slip, speed, rim, peak, q[2], q[0] * contact)
     if curve == SLIP_RATIO:
@@ -88,32 +88,32 @@ def top(curve, q, speed, peak, contact):
 
 
 @jit
-def _coefficients(curve, q, speed, peak, contact, slip, found):
+def _coefficients(curve, q, speed, peak, contact, slip, values):
     for i in range(slip.size):
         v, s = speed[i], slip[i]
-        found[0, i] = coefficient(curve, q, s, v, v + s, peak[i], contact[i])
+        values[0, i] = coefficient(curve, q, s, v, v + s, peak[i], contact[i])
 
 
 @jit
-def _tops(curve, q, speed, peak, contact, found):
+def _tops(curve, q, speed, peak, contact, values):
     for i in range(speed.size):
-        found[0, i], found[1, i] = top(curve, q, speed[i], peak[i], contact[i])
+        values[0, i], values[1, i] = top(curve, q, speed[i], peak[i], contact[i])
 
 
-def _each(function: Any, results: int, curve: int, q: Floats, *given: ArrayLike) -> Any:
+def _each(function: Any, results: int, curve: int, q: Floats, *arguments: ArrayLike) -> Any:
     """What a compiled function finds for each element of arrays, which broadcast; (results, *shape)."""
-    arrays = np.broadcast_arrays(*[np.asarray(one, dtype=float) for one in given])
-    found = np.empty((results, arrays[0].size))
-    function(curve, q, *[np.ascontiguousarray(one).ravel() for one in arrays], found)
-    return found.reshape(results, *arrays[0].shape)
+    arrays = np.broadcast_arrays(*[np.asarray(array, dtype=float) for array in arguments])
+    values = np.empty((results, arrays[0].size))
+    function(curve, q, *[np.ascontiguousarray(array).ravel() for array in arrays], values)
+    return values.reshape(results, *arrays[0].shape)
 
 
 def tops(curve: int, q: Floats, speed: ArrayLike, peak: ArrayLike, contact: ArrayLike = 1.0) -> Any:
     """`top` of arrays, as of a record's (ticks, axles): largest coefficients, and slip velocities [m/s] there."""
     if curve == PIECEWISE:  # NumPy's is as fast, and this needs no flat copies
-        found = np.empty((2, *np.broadcast(speed, peak, contact).shape))
-        found[0], found[1] = peak, laws.piecewise_top(np.asarray(peak), *q[:4])
-        return found
+        values = np.empty((2, *np.broadcast(speed, peak, contact).shape))
+        values[0], values[1] = peak, laws.piecewise_top(np.asarray(peak), *q[:4])
+        return values
     return _each(_tops, 2, curve, q, speed, peak, contact)
 
 
@@ -141,7 +141,7 @@ class AdhesionCurve(PlantParameters):
     @cached_property
     def values(self) -> Floats:
         """What the law takes: the fields in their order. What is left out bounds nothing."""
-        return np.array([math.inf if one is None else one for one in astuple(self)])
+        return np.array([math.inf if value is None else value for value in astuple(self)])
 
     def contact(self, load: ArrayLike, radius: ArrayLike) -> Floats:
         """Creep stiffness under a wheel load [N], half an axle's, on a wheel radius [m], over that in `values`."""
@@ -217,8 +217,8 @@ class CreepCurve(AdhesionCurve):
         area = math.pi * HALF_WIDTH * CYLINDER * math.sqrt(WHEEL_LOAD * WHEEL_RADIUS / cross)
         ratio = self.half_axes_ratio
         c11 = 0.32955 * ratio**2 + 0.48538 * ratio + 3.4992  # Open Rails' fit of Kalker's table
-        made = SHEAR_MODULUS * area * c11 / (4.0 * WHEEL_LOAD)
-        return np.array([self.creep_stiffness or made, *astuple(self)[1:]])
+        stiffness = SHEAR_MODULUS * area * c11 / (4.0 * WHEEL_LOAD)
+        return np.array([self.creep_stiffness or stiffness, *astuple(self)[1:]])
 
     def contact(self, load: ArrayLike, radius: ArrayLike) -> Floats:
         """As in `AdhesionCurve`: 1 where the creep stiffness is given."""

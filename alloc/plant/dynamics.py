@@ -30,7 +30,7 @@ SMALLEST = 1e-150
 
 
 @jit
-def places(wheelsets, cars, drives, cylinders, plant):
+def state_places(wheelsets, cars, drives, cylinders, plant):
     """Number of bodies; where angular speeds, torques, pressures and friction work begin in the state; works follow."""
     bodies = 1 if plant.body_mass > 0.0 else cars.size
     omega = 2 * bodies
@@ -40,7 +40,7 @@ def places(wheelsets, cars, drives, cylinders, plant):
 
 
 @inlined
-def cleans(plant):
+def changes_rail(plant):
     """Whether wheels change the rail that they leave."""
     return plant.conditioning > 0.0 or plant.recovered_coefficient > 0.0
 
@@ -64,8 +64,8 @@ def vary_rail(t, y, wheelsets, bodies, patches, scatter, plant):
             a = wheelsets[i]
             knot = (y[a.body] + a.offset) / plant.scatter_length
             k = math.floor(knot)
-            here, ahead = scatter[k % scatter.size], scatter[(k + 1) % scatter.size]
-            a.offered += here + law.smooth_step(knot - k) * (ahead - here)
+            behind, ahead = scatter[k % scatter.size], scatter[(k + 1) % scatter.size]
+            a.offered += behind + law.smooth_step(knot - k) * (ahead - behind)
     for i in range(wheelsets.size):
         a = wheelsets[i]
         a.offered = max(a.offered * (1.0 + plant.conditioning * a.cleaned), FLOOR)
@@ -106,8 +106,8 @@ def divide_torque(t, y, dy, wheelsets, drives, omega, torque):
         a = wheelsets[i]
         if a.unit >= 0 and drives[a.unit].slip_torque > 0.0 and t < drives[a.unit].failure:
             u = drives[a.unit]
-            mean, own = a.gear * dy[torque + a.unit] / u.axles, a.gear * y[omega + i]
-            more = a.gear * law.parallel_torque(0.0, u.slip_torque, mean, own)
+            mean, speed = a.gear * dy[torque + a.unit] / u.axles, a.gear * y[omega + i]
+            more = a.gear * law.parallel_torque(0.0, u.slip_torque, mean, speed)
             dy[omega + i] += more / a.inertia
             work += more * y[omega + i]
     return work
@@ -135,20 +135,20 @@ def press_shoes(y, dy, wheelsets, cylinders, omega, pressure):
 @inlined
 def pull_couplers(y, dy, cars, bodies):
     """Accelerations of cars under the forces `dy` [N] and those of their couplers; power that these take in [W]."""
-    taken = 0.0
+    power = 0.0
     for k in range(bodies - 1):
         c, rate = cars[k], y[bodies + k] - y[bodies + k + 1]
         tension = law.coupler_force(
             y[k] - y[k + 1], rate, c.stiffness, c.stiffening, c.damping, c.slack
         )
         c.coupler_force = tension
-        taken += tension * rate
+        power += tension * rate
         dy[bodies + k] -= tension
         dy[bodies + k + 1] += tension
     for k in range(bodies):
         dy[k] = y[bodies + k]
         dy[bodies + k] /= cars[k].mass
-    return taken
+    return power
 
 
 @jit
@@ -169,8 +169,10 @@ def derivative(
     plant,
 ):
     """Right side `dy` of the state `y` at the instant `t`; the rows note what is of this instant."""
-    bodies, omega, torque, pressure, friction = places(wheelsets, cars, drives, cylinders, plant)
-    motors, shoes, lost, taken = 0.0, 0.0, 0.0, 0.0  # powers [W]
+    bodies, omega, torque, pressure, friction = state_places(
+        wheelsets, cars, drives, cylinders, plant
+    )
+    motors, shoes, lost, coupled = 0.0, 0.0, 0.0, 0.0  # powers [W]
 
     # the rail
     offset = plant.law_offset
@@ -180,7 +182,7 @@ def derivative(
         if bodies > 1:
             decline = law.speed_law(y[bodies + a.body], 1.0, offset, 0.0)
         a.offered = max(a.law_numerator * decline + a.law_constant + a.increment, FLOOR)
-    if cleans(plant) or patches.size > 0 or plant.scatter_length > 0.0:
+    if changes_rail(plant) or patches.size > 0 or plant.scatter_length > 0.0:
         vary_rail(t, y, wheelsets, bodies, patches, scatter, plant)
 
     # the wheelsets; a unit's angular speeds are summed where the rate of its torque will stand
@@ -230,8 +232,8 @@ def derivative(
         c, body = cars[k], cars[k].body
         place = (y[body] + c.middle - plant.line_origin) / plant.line_spacing
         place = min(max(place, 0.0), last)
-        here = line[int(place)]
-        grade, air = here.grade, here.air
+        point = line[int(place)]
+        grade, air = point.grade, point.air
         if line.size > 1:
             part, ahead = place - int(place), line[int(place) + 1]
             grade += part * (ahead.grade - grade)
@@ -245,7 +247,7 @@ def derivative(
     if plant.body_mass > 0.0:
         dy[0], dy[1] = y[1], total / plant.body_mass
     else:
-        taken = pull_couplers(y, dy, cars, bodies)
+        coupled = pull_couplers(y, dy, cars, bodies)
 
     # the motors, behind commands within what they and the line allow at the units' rim speeds
     share = law.power_taken(
@@ -260,14 +262,14 @@ def derivative(
         dy[torque + j] = law.torque_rate(y[torque + j], u.applied, drive, brake, u.lag)
 
     works = friction + wheelsets.size
-    dy[works], dy[works + 1], dy[works + 2], dy[works + 3] = motors, shoes, lost, taken
+    dy[works], dy[works + 1], dy[works + 2], dy[works + 3] = motors, shoes, lost, coupled
     last_use(y, wheelsets, cars, drives, cylinders, patches, line, effort, retard, curve, scatter)
 
 
 @jit
-def note(y, dy, wheelsets, cars, drives, cylinders, plant):
+def note_instant(y, dy, wheelsets, cars, drives, cylinders, plant):
     """Columns of the record that follow from the state and its `derivative`."""
-    bodies, omega, _, pressure, friction = places(wheelsets, cars, drives, cylinders, plant)
+    bodies, omega, _, pressure, friction = state_places(wheelsets, cars, drives, cylinders, plant)
     for i in range(wheelsets.size):
         wheelsets[i].rim_speed = wheelsets[i].radius * y[omega + i]
         wheelsets[i].friction_work = y[friction + i]
@@ -290,7 +292,7 @@ def note(y, dy, wheelsets, cars, drives, cylinders, plant):
 
 
 @jit
-def respond(t, cylinders, commands, period):
+def respond_cylinders(t, cylinders, commands, period):
     """Cylinders do what was commanded their dead time ago: `commands` (ticks, groups), rows recorded so far."""
     for g in range(cylinders.size):
         b = cylinders[g]
@@ -307,8 +309,8 @@ def read_rail(y, wheelsets, rail, cell):
         a = wheelsets[i]
         place = (y[a.body] + a.offset) / cell
         k = math.floor(place)
-        here = rail[k % rail.size]
-        a.cleaned = here + (place - k) * (rail[(k + 1) % rail.size] - here)
+        degree = rail[k % rail.size]
+        a.cleaned = degree + (place - k) * (rail[(k + 1) % rail.size] - degree)
 
 
 @jit
@@ -340,7 +342,7 @@ def clean_rail(y, before, wheelsets, bodies, omega, friction, span, rail, plant)
 
 
 @jit
-def advance(
+def advance_period(
     t, y, stages, wheelsets, cars, drives, cylinders, patches, line, effort, retard, curve, scatter, rail, plant, commands
 ):  # fmt: skip
     """One control period from `t` on by classical Runge-Kutta steps of equal length, `plant.step` at most.
@@ -349,8 +351,8 @@ def advance(
     over speed, contacts are the stiffer the slower the train.
     """
     stage, slope, end = stages[0], stages[1], stages[2]
-    bodies, omega, _, _, friction = places(wheelsets, cars, drives, cylinders, plant)
-    period, cleaning = plant.period, cleans(plant)
+    bodies, omega, _, _, friction = state_places(wheelsets, cars, drives, cylinders, plant)
+    period, cleaning = plant.period, changes_rail(plant)
     speed = abs(y[bodies])
     for b in range(bodies + 1, 2 * bodies):
         speed = min(speed, abs(y[b]))
@@ -362,7 +364,7 @@ def advance(
     h = period / steps
     for s in range(steps):
         now = t + s * h
-        respond(now, cylinders, commands, period)
+        respond_cylinders(now, cylinders, commands, period)
         if cleaning:
             read_rail(y, wheelsets, rail, plant.cleaning_spacing)
         for r in range(y.size):

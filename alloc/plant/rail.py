@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from alloc.plant.curves import PiecewiseCurve
 from alloc.schema.errors import PlantError
 from alloc.schema.parameters import NOT_IN_FILES, PlantParameters, quantity
-from alloc.schema.tables import Column, Rows, Table, columns_of, put
+from alloc.schema.tables import Column, Rows, Table, columns_of, put_fields
 
 SPEED_LAWS: dict[str, tuple[float, float, float]] = {
     "none": (0.0, 1.0, 1.0),
@@ -132,8 +132,8 @@ class Rail(PlantParameters):
             yield f"`speed_law` is unknown; choose from {', '.join(SPEED_LAWS)}"
         for name in ("speed_law", "rear_speed_law"):
             law = getattr(self, name)
-            own = law is not None and not isinstance(law, str)
-            if own and not (len(law) == 3 and all(map(math.isfinite, law)) and law[1] > 0.0):
+            numbers = law is not None and not isinstance(law, str)
+            if numbers and not (len(law) == 3 and all(map(math.isfinite, law)) and law[1] > 0.0):
                 yield f"`{name}` must be three finite numbers, the offset > 0"
         (_, offset, _), (_, rear_offset, _) = self._laws()
         if rear_offset != offset:
@@ -175,15 +175,15 @@ class Rail(PlantParameters):
     def put_under(self, axles: Rows, plant: Rows) -> None:
         """Write what the rail is into rows of `AXLE` and the row of `PLANT`; raises `PlantError` where they do not fit."""
         if self.increments is not None and len(self.increments) != axles.size:
-            told = f"{len(self.increments)} values for {axles.size} axles; give one per axle"
-            raise PlantError(f"rail increments: {told}")
+            reason = f"{len(self.increments)} values for {axles.size} axles; give one per axle"
+            raise PlantError(f"rail increments: {reason}")
         front, rear = np.array(self._laws())
         share = -np.expm1(-np.arange(axles.size) / self.rear_axles)
         numerator, _, constant = front[:, None] + share * (rear - front)[:, None]
         axles.law_numerator, axles.law_constant = numerator, constant
         axles.increment = 0.0 if self.increments is None else self.increments
         axles.contact = self.curve.contact(0.5 * axles.static_load, axles.radius)
-        put(plant, self)
+        put_fields(plant, self)
         plant.law_offset, plant.curve_number = front[1], self.curve.number
         plant.scatter_length *= self.scatter > 0.0
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from alloc.laws import GRAVITY
 from alloc.plant.columns import CAR, CYLINDER, DRIVE, WHEELSET
 from alloc.plant.train import EFFORT_TABLE_LENGTH, Car, Train
-from alloc.schema.tables import Rows, put
+from alloc.schema.tables import Rows, put_fields
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class PlantRows(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def rows_of(train: Train) -> PlantRows:
+def rows_of_train(train: Train) -> PlantRows:
     """Rows of a train, to be read or copied: `rows_of(train).wheelsets.unit`."""
     all_cars, coupled = train.cars, train.couplers is not None
 
@@ -51,7 +51,7 @@ def rows_of(train: Train) -> PlantRows:
         resistance_quadratic=train.resistance[2] * length / train.length,
     )
     for row, coupler in zip(cars, train.couplers or (), strict=False):
-        put(row, coupler)
+        put_fields(row, coupler)
     car = np.repeat(np.arange(mass.size), [len(vehicle.axle_positions) for vehicle in all_cars])
     wheelsets = WHEELSET.rows(
         car.size,
@@ -126,7 +126,7 @@ def offered_by(curve: Any, level: float, speed: float, train: Train) -> float:
     It is the largest force of all axles over their weight: the curve's maximum, averaged with the static axle loads as
     weights. Heavy axles have the softer contacts.
     """
-    wheelsets = rows_of(train).wheelsets
+    wheelsets = rows_of_train(train).wheelsets
     contact = curve.contact(0.5 * wheelsets.static_load, wheelsets.radius)
     most = curve.top(speed, level, contact)[0]
     return float(

@@ -92,14 +92,14 @@ class Motors(PlantParameters):
         speed = EFFORT_SPEED_STEP * np.arange(EFFORT_TABLE_LENGTH)
         moving, per_force = np.maximum(speed, 1e-3), radius / self.gear_ratio
 
-        def made(torque: float, power: float) -> Floats:
+        def bounded(torque: float, power: float) -> Floats:
             return np.minimum(torque, power * per_force / moving)
 
         torque, power = self.torque or 0.0, self.power or 0.0
-        drive = made(torque, power) * np.minimum(1.0, (self.pull_out_speed or np.inf) / moving)
+        drive = bounded(torque, power) * np.minimum(1.0, (self.pull_out_speed or np.inf) / moving)
         if self.effort:
             drive = per_force / max(count, 1) * np.interp(speed, self.effort_speed, self.effort)
-        brake = made(
+        brake = bounded(
             torque if self.brake_torque is None else self.brake_torque,
             power if self.brake_power is None else self.brake_power,
         )
@@ -203,9 +203,9 @@ class Car(PlantParameters):
         n, positions, bogies = len(self.axle_positions), self.axle_positions, self.bogie_of_axle
         if n == 0:
             yield "has no axles; give axle_positions"
-        for name, given in (("bogie_of_axle", bogies), ("driven", self.powered)):
-            if len(given) != n:
-                yield f"{name} has {len(given)} entries for {n} axles"
+        for name, values in (("bogie_of_axle", bogies), ("driven", self.powered)):
+            if len(values) != n:
+                yield f"{name} has {len(values)} entries for {n} axles"
         if any(b <= a for a, b in itertools.pairwise(positions)):
             yield "`axle_positions` must grow from the front"
         if positions[-1] > self.length:
@@ -350,8 +350,8 @@ class Train(PlantParameters):
         if len(self.resistance) != 3:
             yield "`resistance` must be three numbers"
         if self.couplers is not None and len(self.couplers) != len(self.cars) - 1:
-            told = f"{len(self.couplers)} couplers for {len(self.cars)} cars"
-            yield f"{told}; give {len(self.cars) - 1}, or none for a rigid train"
+            reason = f"{len(self.couplers)} couplers for {len(self.cars)} cars"
+            yield f"{reason}; give {len(self.cars) - 1}, or none for a rigid train"
 
     def __repr__(self) -> str:
         kind = "rigid" if self.couplers is None else "coupled"
@@ -386,7 +386,7 @@ class Train(PlantParameters):
     def loaded(self, loads: Sequence[float]) -> "Train":
         """The same train with a pay load [kg] per car."""
         if len(loads) != len(self.cars):
-            told = f"{len(loads)} loads for {len(self.cars)} cars; give one per car"
-            raise PlantError(f"{self.owner}: {told}")
+            reason = f"{len(loads)} loads for {len(self.cars)} cars; give one per car"
+            raise PlantError(f"{self.owner}: {reason}")
         cars = zip(self.cars, loads, strict=True)
         return replace(self, cars=tuple(replace(car, load=load) for car, load in cars))

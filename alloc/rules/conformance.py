@@ -18,7 +18,7 @@ from alloc.rules.problem import CASES, ROUNDING, AllocationProblem, optimality
 from alloc.rules.reference import reference_rule
 from alloc.rules.rule import PROMISES, RULES, Rule, rows_of
 from alloc.schema.errors import InputError, blamed_on
-from alloc.schema.registry import Registry
+from alloc.schema.registry import find_part
 
 Amount = Callable[[Any, Any], float]
 
@@ -67,16 +67,6 @@ class BrokenLaw(AssertionError):
         faults = [verdict.fault for verdict in verdicts.values() if verdict.fault]
         self.verdicts, self.broken = verdicts, faults
         super().__init__("\n".join([*faults, *map(str, verdicts.values())]))
-
-
-def find_part(registry: Registry[Any], part: Any) -> Any:
-    """The part of this name, or the part itself; raises `InputError` for what is neither."""
-    if isinstance(part, str):
-        return registry.find(part)
-    if not callable(getattr(part, "control", part)):
-        kind = registry.kind
-        raise InputError(f"{kind} = {part!r:.60}: give the name of a {kind}, or the {kind} itself")
-    return part
 
 
 def check_requirements(
@@ -279,7 +269,7 @@ def check_rule(
 
     `rule`: a `Rule`, its name, or an answer to a problem. `examples`: random problems per requirement.
     """
-    part = find_part(RULES, rule)
+    part = find_part(RULES, rule, callable(rule))
     if not isinstance(part, Rule):
         part = Rule(getattr(part, "__name__", "own rule"), "", answer=part)
     requirements = [

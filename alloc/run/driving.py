@@ -11,9 +11,9 @@ import numpy as np
 import xarray as xr
 
 from alloc.compilation import jit
-from alloc.plant.dynamics import places
+from alloc.plant.dynamics import state_places
 from alloc.run.event import DriverCommand, Event
-from alloc.run.recording import dataset, make_room
+from alloc.run.recording import make_dataset, make_room
 from alloc.run.simulation import record_and_advance
 from alloc.schema.errors import SimulationError
 from alloc.schema.tables import Rows
@@ -51,7 +51,7 @@ def drive(event: Event, driver: Driver) -> xr.Dataset:
     """
     w = event.world()
     recording, run, ended = make_room(w), w.run[0], 0
-    bodies = places(w.wheelsets, w.cars, w.drives, w.cylinders, w.plant[0])[0]
+    bodies = state_places(w.wheelsets, w.cars, w.drives, w.cylinders, w.plant[0])[0]
     last = float(w.state[bodies])
     period = event.onboard.period
     for k in range(w.command.size):
@@ -67,12 +67,12 @@ def drive(event: Event, driver: Driver) -> xr.Dataset:
         ended = k + 1
         if go_on is False:
             break
-    return dataset(event, "driver", "driver", w, recording, ended, 0.0)
+    return make_dataset(event, "driver", "driver", w, recording, ended, 0.0)
 
 
 @jit
 def _advance(k, w, recording):
-    torque = places(w.wheelsets, w.cars, w.drives, w.cylinders, w.plant[0])[2]
+    torque = state_places(w.wheelsets, w.cars, w.drives, w.cylinders, w.plant[0])[2]
     for j in range(w.units.size):
         u = w.units[j]
         u.torque_command = u.applied

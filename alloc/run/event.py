@@ -92,15 +92,17 @@ class Event(Parameters):
             yield "`record_period` must not exceed `duration`"
         yield from self.size_faults(min(self.step, period))
         if self.ticks * self.train.axle_count > MOST_AXLE_RECORDS:
-            told = f"{self.ticks} instants of {self.train.axle_count} axles exceed {MOST_AXLE_RECORDS:g}"
-            yield f"`duration` is too long: {told}"
+            reason = f"{self.ticks} instants of {self.train.axle_count} axles exceed {MOST_AXLE_RECORDS:g}"
+            yield f"`duration` is too long: {reason}"
 
     def size_faults(self, step: float) -> Iterator[str]:
         """Why the event is too long with integration steps of `step` [s]."""
         steps, axles = self.duration / step, self.train.axle_count
         if not steps * axles <= MOST_AXLE_STEPS:
-            told = f"{steps:.2g} steps of {step:.2g} s of {axles} axles exceed {MOST_AXLE_STEPS:g}"
-            yield f"`duration` is too long: {told}; choose a shorter one, or a longer step"
+            reason = (
+                f"{steps:.2g} steps of {step:.2g} s of {axles} axles exceed {MOST_AXLE_STEPS:g}"
+            )
+            yield f"`duration` is too long: {reason}; choose a shorter one, or a longer step"
 
     def __repr__(self) -> str:
         start = f"{self.duration:g} s from {3.6 * self.initial_speed:g} km/h"
@@ -147,7 +149,7 @@ def canonical(value: Any) -> str:
     if isinstance(value, tuple | list):
         return f"{kind.__name__}({', '.join(map(canonical, value))})"
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{k!r}: {canonical(one)}" for k, one in value.items()) + "}"
+        return "{" + ", ".join(f"{k!r}: {canonical(inner)}" for k, inner in value.items()) + "}"
     if isinstance(value, np.ndarray):
         return f"array({value.tolist()!r}, dtype={value.dtype})"
     return repr(value)

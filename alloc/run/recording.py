@@ -25,7 +25,7 @@ from alloc.plant.columns import CAR, CYLINDER, DRIVE, PLANT, WHEELSET
 from alloc.plant.curves import tops
 from alloc.run.world import World
 from alloc.schema.errors import InputError, UnsoundRun
-from alloc.schema.tables import Rows, words
+from alloc.schema.tables import Rows, memory_words
 
 if TYPE_CHECKING:
     from alloc.run.event import Event
@@ -43,7 +43,7 @@ class Recording(NamedTuple):
     plant: Rows
     units: Rows
     run: Rows
-    kept: tuple[NDArray[np.int64], ...]
+    memory: tuple[NDArray[np.int64], ...]
     live: tuple[NDArray[np.int64], ...]
 
 
@@ -54,9 +54,9 @@ def make_room(w: World) -> Recording:
     """Room for the record of a run."""
     live = w.wheelsets, w.cars, w.cylinders, w.plant, w.units, w.run
     tables = zip(_TABLES, live, strict=True)
-    rows = [table.record(w.command.size, one.size) for table, one in tables]
-    made: Any = *rows, tuple(map(words, rows)), tuple(map(words, live))
-    return Recording(*made)
+    rows = [table.record(w.command.size, live_rows.size) for table, live_rows in tables]
+    fields: Any = *rows, tuple(map(memory_words, rows)), tuple(map(memory_words, live))
+    return Recording(*fields)
 
 
 # the recorded run
@@ -65,24 +65,27 @@ Entry = tuple[str, tuple[str, ...], Any, str, str]
 """Name of a variable, its dimensions, values, unit, meaning."""
 
 
-def dataset(
+def make_dataset(
     event: "Event", rule: str, controller: str, w: World, record: Recording, ended: int, wall_time: float
 ) -> xr.Dataset:  # fmt: skip
     """The recorded run of `ended` ticks; raises `UnsoundRun` where the state has become no number."""
     period = event.onboard.period
     if not np.isfinite(w.state).all():
         since = int(np.argmin(np.isfinite(record.plant.speed[:ended, 0]))) * period
-        told = f"the state is no number from {since:g} s on"
-        raise UnsoundRun(f"event {event.name!r} under {rule} and {controller}: {told}")
-    kept = slice(0, ended, max(1, round(event.record_period / period)))
+        reason = f"the state is no number from {since:g} s on"
+        raise UnsoundRun(f"event {event.name!r} under {rule} and {controller}: {reason}")
+    instants = slice(0, ended, max(1, round(event.record_period / period)))
     data = {}
-    for name, dims, values, unit, meaning in (*_recorded(record, kept), *_derived(record, kept, w)):
-        about = {"units": unit, "long_name": meaning}
+    for name, dims, values, unit, meaning in (
+        *_recorded(record, instants),
+        *_derived(record, instants, w),
+    ):
+        attributes = {"units": unit, "long_name": meaning}
         # numbers throughout: to look for dates in them would take half of the time
-        data[name] = xr.Variable(dims, np.ascontiguousarray(values), about, fastpath=True)
-    instants = data.pop("time")
+        data[name] = xr.Variable(dims, np.ascontiguousarray(values), attributes, fastpath=True)
+    time = data.pop("time")
     coordinates = {
-        "time": xr.IndexVariable("time", instants.values, instants.attrs),
+        "time": xr.IndexVariable("time", time.values, time.attrs),
         **_numbers(
             w.wheelsets.unit.tobytes(), w.wheelsets.car.tobytes(), w.cars.size, w.units.size
         ),
@@ -90,10 +93,10 @@ def dataset(
     return xr.Dataset(data, coordinates, _attributes(event, rule, controller, w, ended, wall_time))
 
 
-def _recorded(record: Recording, kept: slice) -> Iterator[Entry]:
+def _recorded(record: Recording, instants: slice) -> Iterator[Entry]:
     for table, rows in zip(_TABLES, record, strict=False):
         for name in table.recorded.names:
-            values, column = rows[name][kept], table.columns[name]
+            values, column = rows[name][instants], table.columns[name]
             dims: tuple[str, ...] = "time", table.name
             if table in (RUN, PLANT):
                 values, dims = values[:, 0], ("time",)
@@ -102,15 +105,15 @@ def _recorded(record: Recording, kept: slice) -> Iterator[Entry]:
             yield name, dims, values, column.unit, column.meaning
 
 
-def _derived(record: Recording, kept: slice, w: World) -> Iterator[Entry]:
+def _derived(record: Recording, instants: slice, w: World) -> Iterator[Entry]:
     """What follows from the record, and what does not change."""
-    plant, a, drives, time = w.plant[0], w.wheelsets, w.drives, record.run.time[kept, 0]
-    speed = record.cars.car_speed[kept]
+    plant, a, drives, time = w.plant[0], w.wheelsets, w.drives, record.run.time[instants, 0]
+    speed = record.cars.car_speed[instants]
     # of some curves the top costs more than a step of the plant
-    offered = record.wheelsets.offered[kept], a.contact
+    offered = record.wheelsets.offered[instants], a.contact
     most, slip = tops(plant.curve_number, w.curve, speed[:, a.car], *offered)
-    about = "true adhesion coefficient: the largest over the slip"
-    yield "adhesion_limit", ("time", "axle"), most, "1", about
+    text = "true adhesion coefficient: the largest over the slip"
+    yield "adhesion_limit", ("time", "axle"), most, "1", text
     yield "peak_slip", ("time", "axle"), slip, "m s-1", "slip velocity of that largest"
     # motors at the train's speed, and as far as the line takes it; 0 from their failure on
     driven = a.unit >= 0
@@ -118,13 +121,13 @@ def _derived(record: Recording, kept: slice, w: World) -> Iterator[Entry]:
     kmh = 3.6 * np.abs(speed[:, a.car[driven]] @ (inside / np.maximum(inside.sum(axis=0), 1)))
     works, grid = time[:, None] < drives.failure, np.arange(w.effort.shape[1])
     phase = 2.0 * np.pi * time / plant.receptivity_period + plant.receptivity_phase
-    taken = plant.receptivity_mean + plant.receptivity_amplitude * np.sin(phase)
+    share = plant.receptivity_mean + plant.receptivity_amplitude * np.sin(phase)
     for name, limits, part, more in (
         ("drive_limit", w.effort, np.ones_like(time), "pull with"),
-        ("brake_limit", w.retard, np.clip(taken, 0.0, 1.0), "brake with, as far as the line takes it"),
+        ("brake_limit", w.retard, np.clip(share, 0.0, 1.0), "brake with, as far as the line takes it"),
     ):  # fmt: skip
-        found = [np.interp(kmh[:, j], grid, limits[j]) for j in range(drives.size)]
-        values = np.reshape(found, (drives.size, time.size)).T * works * part[:, None]
+        torques = [np.interp(kmh[:, j], grid, limits[j]) for j in range(drives.size)]
+        values = np.reshape(torques, (drives.size, time.size)).T * works * part[:, None]
         yield name, ("time", "unit"), values, "N m", f"most that each motor can {more}"
     load = np.bincount(a.unit[driven], a.static_load[driven], drives.size)
     parallel = drives.slip_torque > 0.0
@@ -137,10 +140,10 @@ def _derived(record: Recording, kept: slice, w: World) -> Iterator[Entry]:
             name = f"{table.name}_{'group' if column == 'brake' else column}"
             unit, meaning = table.columns[column].unit, table.columns[column].meaning
             yield name, (table.name,), rows[column], unit, meaning
-    about = "mass that would resist like the turning wheelset"
-    yield "axle_turning_mass", ("axle",), a.inertia / a.radius**2, "kg", about
-    about = "axle load at rest of the unit's axles, summed"
-    yield "unit_static_load", ("unit",), load, "N", about
+    text = "mass that would resist like the turning wheelset"
+    yield "axle_turning_mass", ("axle",), a.inertia / a.radius**2, "kg", text
+    text = "axle load at rest of the unit's axles, summed"
+    yield "unit_static_load", ("unit",), load, "N", text
     yield "unit_parallel", ("unit",), parallel, "1", "whether its motors share a frequency"
 
 
@@ -149,7 +152,7 @@ def _numbers(unit: bytes, car: bytes, cars: int, units: int) -> dict[str, xr.Var
     """Numbers of axles, cars and units; kept for the next run, since indexes take as long as the rest of the dataset."""
     of_axle, of_car = np.frombuffer(unit, np.int64), np.frombuffer(car, np.int64)
     counted = {"axle": of_axle.size, "car": cars, "unit": units}
-    found: dict[str, Any] = {
+    coordinates: dict[str, Any] = {
         name: xr.IndexVariable(
             name, np.arange(1, n + 1), {"long_name": f"number of the {name}, 1 = foremost"}
         )
@@ -159,8 +162,8 @@ def _numbers(unit: bytes, car: bytes, cars: int, units: int) -> dict[str, xr.Var
         ("unit_of_axle", of_axle + 1, "traction unit of the axle, 1 = foremost, 0: none"),
         ("car_of_axle", of_car + 1, "car of the axle, 1 = foremost"),
     ):
-        found[name] = xr.Variable("axle", values, {"units": "1", "long_name": meaning})
-    return found
+        coordinates[name] = xr.Variable("axle", values, {"units": "1", "long_name": meaning})
+    return coordinates
 
 
 def _attributes(
@@ -186,16 +189,16 @@ def _attributes(
         "curve": int(plant.curve_number),
         "curve_values": w.curve.copy(),
         "wall_time_s": wall_time,
-        **provenance(),
+        **list_versions(),
     }
 
 
 @lru_cache(maxsize=1)
-def provenance() -> dict[str, str]:
+def list_versions() -> dict[str, str]:
     """Versions that a run was made with."""
     packages = ("readhesion", "numpy", "numba", "casadi", "osqp")
-    found = {f"version_{name}": version(name) for name in packages}
-    return found | {"version_python": platform.python_version()}
+    versions = {f"version_{name}": version(name) for name in packages}
+    return versions | {"version_python": platform.python_version()}
 
 
 APART = 5.0, 0.2
@@ -205,11 +208,11 @@ APART = 5.0, 0.2
 def check_whole(run: xr.Dataset) -> None:
     """Raise `InputError` where a run is not as recorded: of a whole train, at all instants, a stretch, or every n-th."""
 
-    def need(fits: Any, told: str) -> None:
+    def need(fits: Any, reason: str) -> None:
         if not fits:
-            raise InputError(f"run: {told}; evaluate takes whole runs as recorded")
+            raise InputError(f"run: {reason}; evaluate takes whole runs as recorded")
 
-    v = {name: np.asarray(one.values) for name, one in run.variables.items()}
+    v = {name: np.asarray(variable.values) for name, variable in run.variables.items()}
     car, unit = (v[name].max(initial=0) for name in ("car_of_axle", "unit_of_axle"))
     counts = {"axle": run.attrs.get("axle_count", v["axle"].size), "car": car, "unit": unit}
     for name, count in counts.items():
@@ -217,10 +220,10 @@ def check_whole(run: xr.Dataset) -> None:
         need(whole, f"{name} has {v[name].size} of {count}, or another order")
     tables: Any = *(table.rows(1)[None] for table in _TABLES), (), ()
     for name, dims, usual, of, _ in _recorded(Recording(*tables), slice(None)):
-        if (known := run.variables.get(name)) is not None:
-            kind = known.dtype.name.replace("int32", "int64")  # netCDF 3 has no longer ones
-            stated = known.attrs.get("units", of)
-            for have, want in ((known.dims, dims), (kind, usual.dtype.name), (stated, of)):
+        if (variable := run.variables.get(name)) is not None:
+            kind = variable.dtype.name.replace("int32", "int64")  # netCDF 3 has no longer ones
+            unit_of = variable.attrs.get("units", of)
+            for have, want in ((variable.dims, dims), (kind, usual.dtype.name), (unit_of, of)):
                 need(have == want, f"{name} is {have}, not {want}")
             need(np.isfinite(v[name]).all() or not np.isfinite(usual).all(), f"{name} has gaps")
     step, way = np.diff(v["time"]), np.trapezoid(v["speed"], v["time"])
@@ -250,7 +253,9 @@ def save(run: xr.Dataset, path: Path | str) -> None:
     if path.suffix.lower() == ".mat":
         from scipy.io import savemat
 
-        content: dict[str, Any] = {str(name): one.values for name, one in run.variables.items()}
+        content: dict[str, Any] = {
+            str(name): variable.values for name, variable in run.variables.items()
+        }
         content["attributes"] = dict(run.attrs)
         write_whole(path, lambda aside: savemat(aside, content, oned_as="column"))
         return
@@ -273,6 +278,7 @@ def load(path: Path | str) -> xr.Dataset:
     with _NETCDF, xr.open_dataset(path, engine="netcdf4", decode_times=False) as stored:
         run = stored.load()
     plain = {
-        key: one.item() if isinstance(one, np.generic) else one for key, one in run.attrs.items()
+        key: value.item() if isinstance(value, np.generic) else value
+        for key, value in run.attrs.items()
     }
     return run.assign_attrs(plain)  # netCDF gives numbers as NumPy's

@@ -17,8 +17,8 @@ from numba.extending import register_jitable
 
 from alloc.compilation import jit, part
 from alloc.onboard.controllers import CONTROLLERS, Controller
-from alloc.onboard.reference_speed import ease
-from alloc.onboard.sensing import report, sense
+from alloc.onboard.reference_speed import ease_units
+from alloc.onboard.sensing import report_units, sense_train
 from alloc.onboard.signatures import (
     BELIEF,
     BELIEF_TYPE,
@@ -28,19 +28,25 @@ from alloc.onboard.signatures import (
     SHARE_TYPE,
     are_compiled,
 )
-from alloc.onboard.slide_protection import protect
-from alloc.onboard.targets import ask_brakes, foresee, set_brake_targets, set_targets, trailers_lack
+from alloc.onboard.slide_protection import protect_wheels
+from alloc.onboard.targets import (
+    ask_brakes,
+    foresee_torques,
+    set_brake_targets,
+    set_targets,
+    trailers_lack,
+)
 from alloc.onboard.telegrams import set_limits
-from alloc.plant.dynamics import advance, derivative, note
+from alloc.plant.dynamics import advance_period, derivative, note_instant
 from alloc.rules import RULES, Rule
 from alloc.rules.baselines import case_of
 from alloc.rules.problem import ROUNDING
 from alloc.run import wire
 from alloc.run.event import Event
-from alloc.run.recording import dataset, make_room
+from alloc.run.recording import make_dataset, make_room
 from alloc.run.world import TRUE
 from alloc.schema.errors import SimulationError, blamed_on
-from alloc.schema.registry import Registry
+from alloc.schema.registry import find_part
 
 
 def simulate(
@@ -68,8 +74,10 @@ class Simulation:
             if hasattr(event, "event"):  # a scenario
                 hint = "its method event(seed) gives one"
             raise SimulationError(f"{event!r:.60} is no Event: {hint}")
-        self.rule: Rule = find_part(RULES, Rule, rule)
-        self.controller: Controller = find_part(CONTROLLERS, Controller, controller)
+        self.rule: Rule = find_part(RULES, rule, isinstance(rule, Rule))
+        self.controller: Controller = find_part(
+            CONTROLLERS, controller, isinstance(controller, Controller)
+        )
         if self.rule.settings:
             onboard = event.onboard.with_settings(self.rule.settings)
             event = replace(event, onboard=onboard)
@@ -151,27 +159,17 @@ class Simulation:
                 decide_instant(self.rule.belief.function, self.rule.share, k, w, recording)
                 self.command_units()
                 command_brakes(k, w)
-            for table, kept in zip(truth, hidden, strict=True):
-                table[...] = kept
+            for table, values in zip(truth, hidden, strict=True):
+                table[...] = values
             record_and_advance(k, w, recording)
         self.tick = self.ticks
 
     def recorded(self) -> xr.Dataset:
         """The run up to here; raises `UnsoundRun` where its state is no number."""
         names = self.rule.name, self.controller.name
-        return dataset(self.event, *names, self.world, self.recording, self.tick, self.wall_time)
-
-
-def find_part(registry: Registry[Any], kind: type, part: Any) -> Any:
-    """A part by its name, or itself."""
-    if isinstance(part, str):
-        return registry.find(part)
-    if not isinstance(part, kind):
-        hint = f"give its name, or {kind.__name__}(...)"
-        if isinstance(part, list | tuple):
-            hint = "a run has one; `readhesion.compare` takes several"
-        raise SimulationError(f"{registry.kind} = {part!r:.60}: {hint}")
-    return part
+        return make_dataset(
+            self.event, *names, self.world, self.recording, self.tick, self.wall_time
+        )
 
 
 # An instant, in its order. Each piece is inlined in the loop, and compiled by itself where Python calls it.
@@ -185,12 +183,12 @@ def read_inputs(k, w):
     """The driver's command and the readings of instant k."""
     run, onboard, plant = w.run[0], w.onboard[0], w.plant[0]
     run.time = k * run.period
-    asked = w.command[k]
-    if asked < 0.0 and run.reference_speed < onboard.release_speed:
-        asked = 0.0  # the driver releases the brakes, so that a stop ends rolling
-    run.driver_command = asked
-    run.sign = 1.0 if asked >= 0.0 else -1.0
-    run.braking = 1 if onboard.blended and asked < 0.0 else 0
+    command = w.command[k]
+    if command < 0.0 and run.reference_speed < onboard.release_speed:
+        command = 0.0  # the driver releases the brakes, so that a stop ends rolling
+    run.driver_command = command
+    run.sign = 1.0 if command >= 0.0 else -1.0
+    run.braking = 1 if onboard.blended and command < 0.0 else 0
     if w.units.size > 0:
         run.leader = w.leader[k]
     noise = w.noise[k % w.noise.shape[0]]
@@ -219,8 +217,8 @@ def sense_instant(k, w):
     if k == 0:
         for u in w.units:
             u.delivered = run.plan
-    sense(w.axles, w.units, w.brakes, w.rated_effort, w.rated_retard, onboard, run)
-    report(w.units, run)
+    sense_train(w.axles, w.units, w.brakes, w.rated_effort, w.rated_retard, onboard, run)
+    report_units(w.units, run)
     run.needed = run.plan
     if run.braking:
         run.needed += trailers_lack(w.units, w.brakes, run)
@@ -241,9 +239,9 @@ def set_instant_targets(k, w, recording):
 def command_brakes(k, w):
     """What motors are commanded after easing, and what valves and cylinders are."""
     run = w.run[0]
-    ease(w.units, w.onboard[0], run)
-    foresee(w.units, run)
-    protect(k, w.axles, w.brakes, w.slide[0], run)
+    ease_units(w.units, w.onboard[0], run)
+    foresee_torques(w.units, run)
+    protect_wheels(k, w.axles, w.brakes, w.slide[0], run)
     ask_brakes(w.axles, w.units, w.brakes, w.onboard[0], run)
 
 
@@ -256,13 +254,13 @@ def record_and_advance(k, w, recording):
         run.time, w.state, w.stages[0], w.wheelsets, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort,
         w.retard, w.curve, w.scatter, plant,
     )  # fmt: skip
-    note(w.state, w.stages[0], w.wheelsets, w.cars, w.drives, w.cylinders, plant)
-    for n in range(len(recording.kept)):  # recorded columns are the first words of a row
-        live, kept = recording.live[n], recording.kept[n]
-        for i in range(kept.shape[1]):
-            for c in range(kept.shape[2]):
-                kept[k, i, c] = live[i, c]
-    advance(
+    note_instant(w.state, w.stages[0], w.wheelsets, w.cars, w.drives, w.cylinders, plant)
+    for n in range(len(recording.memory)):  # recorded columns are the first words of a row
+        live, memory = recording.live[n], recording.memory[n]
+        for i in range(memory.shape[1]):
+            for c in range(memory.shape[2]):
+                memory[k, i, c] = live[i, c]
+    advance_period(
         run.time, w.state, w.stages, w.wheelsets, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort, w.retard,
         w.curve, w.scatter, w.rail, plant, recording.cylinders,
     )  # fmt: skip

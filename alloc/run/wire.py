@@ -10,7 +10,7 @@ from alloc.backends import compiled as law
 from alloc.compilation import jit
 from alloc.onboard.sensing import NOTICED, ROUNDING
 from alloc.plant.curves import top
-from alloc.plant.dynamics import derivative, places
+from alloc.plant.dynamics import derivative, state_places
 
 USED, USED_BY_AIR, BACK = 0.999, 0.995, 0.8
 """Shares of the true adhesion that the oracle uses pulling, and braking with air: at the very peak no torque can be held.
@@ -23,7 +23,7 @@ def read(y, noise, wheelsets, cars, drives, cylinders, plant, axles, units, brak
 
     `y`: the plant's state; `noise` (axles,) of the speed sensors [m/s].
     """
-    _, omega, torque, pressure, _ = places(wheelsets, cars, drives, cylinders, plant)
+    _, omega, torque, pressure, _ = state_places(wheelsets, cars, drives, cylinders, plant)
     quantum = onboard.speed_quantum
     for g in range(brakes.size):
         brakes[g].pressure = y[pressure + g]
@@ -69,7 +69,7 @@ def apply(wheelsets, drives, cylinders, plant, units, brakes, run):
 @jit
 def tell_speed(y, wheelsets, cars, drives, cylinders, plant, axles, run):
     """True speeds of the train and of the cars of all axles."""
-    bodies = places(wheelsets, cars, drives, cylinders, plant)[0]
+    bodies = state_places(wheelsets, cars, drives, cylinders, plant)[0]
     run.true_speed = y[bodies]
     for i in range(axles.size):
         axles[i].true_speed = y[bodies + wheelsets[i].body]
@@ -84,7 +84,7 @@ def tell_limits(
 
     Writes `unit.truth` and `brake.most`.
     """
-    bodies, omega, _, _, _ = places(wheelsets, cars, drives, cylinders, plant)
+    bodies, omega, _, _, _ = state_places(wheelsets, cars, drives, cylinders, plant)
     ahead, moved = plant.period, stages[0]
     for j in range(units.size):
         units[j].truth = math.inf

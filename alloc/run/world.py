@@ -13,13 +13,13 @@ from alloc.laws import GRAVITY
 from alloc.onboard.columns import AXLE, BRAKE, UNIT
 from alloc.onboard.rows import onboard_rows, radius_errors
 from alloc.onboard.settings import Onboard
-from alloc.onboard.telegrams import leaders, telegrams
+from alloc.onboard.telegrams import draw_telegrams, find_leaders
 from alloc.plant.columns import PATCH, PLANT
 from alloc.plant.dynamics import find_rates
-from alloc.plant.rows import PlantRows, planned_coefficients, rows_of
+from alloc.plant.rows import PlantRows, planned_coefficients, rows_of_train
 from alloc.plant.train import Train
 from alloc.schema.errors import OnboardError, PlantError
-from alloc.schema.tables import Rows, put
+from alloc.schema.tables import Rows, put_fields
 
 if TYPE_CHECKING:
     from alloc.run.event import Event
@@ -92,9 +92,9 @@ def world_of(event: "Event") -> World:
     """The world of an event before its first instant; raises `InputError` where its parts do not fit together."""
     train, rail, onboard, period = event.train, event.rail, event.onboard, event.onboard.period
     ticks, start, speed = event.ticks, event.initial_position, event.initial_speed
-    truth = PlantRows(*(table.copy() for table in rows_of(train)))
+    truth = PlantRows(*(table.copy() for table in rows_of_train(train)))
     wheelsets, cars, drives, cylinders = truth[:4]
-    axles, units, brakes, known = believed_train(truth, train, onboard)
+    axles, units, brakes, believed = believed_train(truth, train, onboard)
     for unit, time in event.failures.items():
         if not 0 <= unit < drives.size:
             reason = f"the train has no traction unit {unit + 1}; it has {drives.size}"
@@ -127,11 +127,11 @@ def world_of(event: "Event") -> World:
         speed=speed,
         position=start,
         **planned_coefficients(
-            wheelsets, wheelsets.inertia, load, train.mass, True, int(known["blended"])
+            wheelsets, wheelsets.inertia, load, train.mass, True, int(believed["blended"])
         ),
     )
     rail.put_under(wheelsets, plant[0])
-    put(plant[0], event.receptivity, "receptivity_")
+    put_fields(plant[0], event.receptivity, "receptivity_")
     patches, scatter, curve = PATCH.of(rail.patches), rail.scatter_ring(), rail.curve.values
     peak = rail.greatest_peak()
     shortest = find_rates(wheelsets, cars, drives, cylinders, curve, peak, plant[0])
@@ -140,7 +140,7 @@ def world_of(event: "Event") -> World:
     wheelsets.axle_load = load
     wheelsets.cell = np.floor((start + wheelsets.offset) / plant.cleaning_spacing[0])
     watched = int(units.axles.min(initial=4))
-    board, valves, run = onboard_rows(onboard, known, watched, speed)
+    board, valves, run = onboard_rows(onboard, believed, watched, speed)
     # it rolls without slip, motors and brakes off; coupled cars stand at rest length
     bodies = np.ones(1 if train.couplers is None else cars.size)
     rest = np.zeros(drives.size + cylinders.size + wheelsets.size + 4)
@@ -152,9 +152,9 @@ def world_of(event: "Event") -> World:
         noise = sensors.speed_noise * draws.standard_normal((ticks, wheelsets.size))
     leader = np.zeros(ticks, dtype=np.int64)
     if units.size:
-        leader = leaders(ticks, drives.failure, period)
+        leader = find_leaders(ticks, drives.failure, period)
     every = max(1, round(sent.period / period))
-    report_tick, order_tick = telegrams(
+    report_tick, order_tick = draw_telegrams(
         leader, units.size, every, period, sent.latency, sent.jitter, sent.loss, sensors.seed
     )
     return World(

@@ -119,6 +119,18 @@ class Registry(Mapping[str, Part], Generic[Part]):
         return _registry, (self._home, self.kind)
 
 
+def find_part(registry: Registry[Any], part: Any, fits: bool) -> Any:
+    """The part of this name, or `part` itself where it `fits`; raises `InputError` for what is neither."""
+    if isinstance(part, str):
+        return registry.find(part)
+    if not fits:
+        hint = f"give the name of a {registry.kind}, or the {registry.kind} itself"
+        if isinstance(part, list | tuple):
+            hint = "a run has one; `readhesion.compare` takes several"
+        raise InputError(f"{registry.kind} = {part!r:.60}: {hint}")
+    return part
+
+
 def _module_of_caller() -> str:
     """Module that calls what calls this."""
     return str(sys._getframe(2).f_globals.get("__name__", ""))

@@ -49,14 +49,14 @@ class Table:
             if hasattr(np.record, key):
                 raise TypeError(f"{name}: no column can be called {key}; rows have that attribute")
         self.name = name
-        self.columns = dict(sorted(columns.items(), key=lambda one: not one[1].recorded))
+        self.columns = dict(sorted(columns.items(), key=lambda item: not item[1].recorded))
         fields: list[Any] = [
-            (key, np.int64 if isinstance(one.default, int) else np.float64, np.shape(one.default))
-            for key, one in self.columns.items()
+            (key, np.int64 if isinstance(item.default, int) else np.float64, np.shape(item.default))
+            for key, item in self.columns.items()
         ]
-        told = [one for one in fields if columns[one[0]].recorded]
+        recorded = [item for item in fields if columns[item[0]].recorded]
         self.dtype: Any = np.dtype((np.record, fields))
-        self.recorded: Any = np.dtype((np.record, told))
+        self.recorded: Any = np.dtype((np.record, recorded))
         self.row, self.recorded_row = from_dtype(self.dtype), from_dtype(self.recorded)
         self.type = self.row[::1]
 
@@ -64,17 +64,17 @@ class Table:
         """`n` rows with these values, the others as declared; raises `TypeError` for an unknown column."""
         if unknown := [key for key in values if key not in self.columns]:
             raise TypeError(f"{self.name}: no column {', '.join(unknown)}")
-        made: Any = np.recarray(n, self.dtype)
+        rows: Any = np.recarray(n, self.dtype)
         for key, column in self.columns.items():
-            made[key] = values.get(key, column.default)
-        return made
+            rows[key] = values.get(key, column.default)
+        return rows
 
     def of(self, records: Sequence[Any]) -> Rows:
         """A row for each record."""
-        made = self.rows(len(records))
-        for row, one in zip(made, records, strict=True):
-            put(row, one)
-        return made
+        rows = self.rows(len(records))
+        for row, record in zip(rows, records, strict=True):
+            put_fields(row, record)
+        return rows
 
     def record(self, ticks: int, n: int) -> Rows:
         """Room for what is recorded of `n` rows at every instant, (ticks, n)."""
@@ -86,29 +86,29 @@ def columns_of(kind: type, *names: str, prefix: str = "") -> dict[str, Column]:
 
     `names`: of the fields; none: of all that files may set.
     """
-    said, si = meanings(kind), {unit.symbol: unit.si for unit in UNITS}
-    found = {}
-    for one in fields(kind):
-        unit = one.metadata.get("unit", "1" if one.type is bool else None)
-        if unit is None or (names and one.name not in names):
+    texts, si = meanings(kind), {unit.symbol: unit.si for unit in UNITS}
+    columns = {}
+    for item in fields(kind):
+        unit = item.metadata.get("unit", "1" if item.type is bool else None)
+        if unit is None or (names and item.name not in names):
             continue
-        value = 0.0 if one.default is MISSING or one.default is None else one.default
-        about, _, _ = said[one.name].text.partition(". ")
+        value = 0.0 if item.default is MISSING or item.default is None else item.default
+        meaning, _, _ = texts[item.name].text.partition(". ")
         number = int(value) if isinstance(value, bool) else value
-        source = said[one.name].source
-        found[prefix + one.name] = Column(number, si[unit], about.rstrip("."), source=source)
-    return found
+        source = texts[item.name].source
+        columns[prefix + item.name] = Column(number, si[unit], meaning.rstrip("."), source=source)
+    return columns
 
 
-def put(row: Any, record: Any, prefix: str = "") -> None:
+def put_fields(row: Any, record: Any, prefix: str = "") -> None:
     """Write the fields of a record into the columns that have their names, behind `prefix`."""
-    for one in fields(record):
-        value = getattr(record, one.name)
-        if (name := prefix + one.name) in row.dtype.names and value is not None:
+    for item in fields(record):
+        value = getattr(record, item.name)
+        if (name := prefix + item.name) in row.dtype.names and value is not None:
             row[name] = value
 
 
-def words(rows: Rows) -> NDArray[np.int64]:
+def memory_words(rows: Rows) -> NDArray[np.int64]:
     """The memory of rows, row by row in words of 8 bytes; compiled code copies records with it."""
     view: NDArray[np.int64] = np.asarray(rows).view(np.int64)
     return view.reshape(*rows.shape, rows.dtype.itemsize // 8)

@@ -50,7 +50,7 @@ def unit_of(key: str) -> Unit:
     return next(unit for unit in UNITS if key.endswith(unit.ending))
 
 
-def si(keys: Mapping[str, Any]) -> dict[str, Any]:
+def to_si(keys: Mapping[str, Any]) -> dict[str, Any]:
     """Plain values by their keys as SI values under names without the unit; None and tables inside stay out."""
     converted: dict[str, Any] = {}
     for key, value in keys.items():
@@ -58,7 +58,7 @@ def si(keys: Mapping[str, Any]) -> dict[str, Any]:
             continue
         unit = unit_of(key)
         if isinstance(value, list | tuple):
-            value = tuple(unit.factor * one if unit.ending else one for one in value)
+            value = tuple(unit.factor * number if unit.ending else number for number in value)
         elif unit.ending:
             value = unit.factor * value
         converted[key.removesuffix(unit.ending)] = value

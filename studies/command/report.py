@@ -21,7 +21,7 @@ from alloc.files import write_whole
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant import curves
 from alloc.rules import RULES
-from alloc.run.recording import provenance
+from alloc.run.recording import list_versions
 from studies import StudyError
 from studies.command.citations import Citation, find_uses
 from studies.compare import EFFORT, REFERENCE, Standing, answer, by_controller, informed, standings
@@ -72,7 +72,7 @@ def write_report(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
         replays=replays,
         left_out=left_out,
         computed=pd.to_datetime(rows["batch"].max()).strftime("%d %B %Y, %H:%M UTC"),
-        provenance=provenance(),
+        list_versions=list_versions(),
         sources=_cited_sources(places),
     )
     write_whole(out, partial(Path.write_text, data=text, encoding="utf-8"))

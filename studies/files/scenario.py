@@ -19,7 +19,7 @@ from alloc.laws import GRAVITY
 from alloc.onboard.settings import Assumed, Onboard
 from alloc.plant import rail as plant
 from alloc.plant.curves import CURVES, AdhesionCurve
-from alloc.plant.rows import planned_coefficients, rows_of
+from alloc.plant.rows import planned_coefficients, rows_of_train
 from alloc.plant.train import InverterGroup, Train
 from alloc.plant.trains import TRAINS, find_train
 from alloc.run.event import STEP, DriverCommand, Event
@@ -294,7 +294,7 @@ MOST_OF_EFFORT = 1.5
 
 def find_remarks(event: Event) -> Iterator[str]:
     """What is possible in an event, but hardly meant: a sentence for each, which names the key."""
-    train, rows, step = event.train, rows_of(event.train), 0.05
+    train, rows, step = event.train, rows_of_train(event.train), 0.05
     wheelsets, drives, brakes = rows.wheelsets, rows.drives, rows.cylinders.size > 0
     needs = planned_coefficients(
         wheelsets, wheelsets.inertia, wheelsets.static_load, train.mass, True, brakes

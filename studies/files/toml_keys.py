@@ -88,7 +88,7 @@ class Keys(BaseModel):
 
     def si_values(self) -> dict[str, Any]:
         """Values that a file states, in SI units by the fields of the record; tables stay out."""
-        values = units.si({key: value for key, value in self if not _list_tables(value)})
+        values = units.to_si({key: value for key, value in self if not _list_tables(value)})
         return {self.renamed.get(name, name): value for name, value in values.items()}
 
 

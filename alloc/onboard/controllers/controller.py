@@ -64,8 +64,8 @@ class Controller:
         for key, value in values.items():
             if key not in self.settings:
                 near = get_close_matches(key, self.settings, 1)
-                known = ", ".join(self.settings) or "it has none"
-                hint = f"did you mean {near[0]!r}?" if near else f"parameters: {known}"
+                names = ", ".join(self.settings) or "it has none"
+                hint = f"did you mean {near[0]!r}?" if near else f"parameters: {names}"
                 raise OnboardError(f"{self.name}: unknown parameter {key!r}; {hint}")
             whole = isinstance(columns[key].default, int)
             low, high = self.bounds.get(key, (1e-12, math.inf))
@@ -75,15 +75,18 @@ class Controller:
                     f"{self.name}: {key} = {value!r} must be {kind} from {low:g} to {high:g}"
                 )
             columns[key] = replace(columns[key], default=int(value) if whole else float(value))
-        for one, other in ORDERED:
-            if {one, other} <= set(self.settings) and columns[one].default > columns[other].default:  # type: ignore[operator]
-                raise OnboardError(f"{self.name}: {one} must not exceed {other}")
+        for lower, upper in ORDERED:
+            limits: Any = [
+                columns[name].default for name in (lower, upper) if name in self.settings
+            ]
+            if limits != sorted(limits):
+                raise OnboardError(f"{self.name}: {lower} must not exceed {upper}")
         return replace(self, memory=Table(self.memory.name, **columns))
 
     def rows(self, n: int) -> NDArray[np.float64]:
         """Memory of `n` units at the start of a run, (n, numbers)."""
-        made: NDArray[np.float64] = np.asarray(self.memory.rows(n)).view(np.uint8)
-        return made.view(np.float64).reshape(n, self.memory.dtype.itemsize // 8)
+        memory: NDArray[np.float64] = np.asarray(self.memory.rows(n)).view(np.uint8)
+        return memory.view(np.float64).reshape(n, self.memory.dtype.itemsize // 8)
 
 
 CONTROLLERS: Registry[Controller] = Registry(

@@ -22,7 +22,7 @@ def per_coefficient(unit):
 
 
 @jit
-def lasted(ticks, time, period):
+def has_lasted(ticks, time, period):
     """Whether `ticks` control periods are at least `time` [s]; ticks are counted, so rounding adds none."""
     return (ticks + 1e-6) * period >= time
 

@@ -5,7 +5,7 @@ import math
 from alloc.compilation import jit
 from alloc.onboard.columns import NAN, ONE
 from alloc.onboard.controllers.controller import register
-from alloc.onboard.controllers.creep import ASSUMED, TUNED, lag_share, lasted, per_coefficient
+from alloc.onboard.controllers.creep import ASSUMED, TUNED, has_lasted, lag_share, per_coefficient
 from alloc.onboard.signatures import control
 from alloc.schema.tables import Column, Table
 
@@ -51,13 +51,13 @@ def cut_and_ramp(unit, axles, memory, run):
         m.carried = min(max(rail, 0.0), target)
     elif m.phase == CUT and not unit.slipping:
         m.phase, m.ticks = HOLD, 0
-    elif m.phase == HOLD and lasted(m.ticks, m.hold, run.period):
+    elif m.phase == HOLD and has_lasted(m.ticks, m.hold, run.period):
         m.phase = RAMP
     elif m.phase == RAMP and unit.torque_command >= target:
         m.phase = FOLLOW
     torque = target
     if m.phase == CUT:
-        torque = 0.0 if lasted(m.ticks, GIVEN_UP, run.period) else m.cut * m.carried
+        torque = 0.0 if has_lasted(m.ticks, GIVEN_UP, run.period) else m.cut * m.carried
     elif m.phase == HOLD:
         torque = m.recover * m.carried
     elif m.phase == RAMP:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from alloc.compilation import jit
 from alloc.onboard.columns import NAN, ONE
 from alloc.onboard.controllers.controller import register
-from alloc.onboard.controllers.creep import ASSUMED, GAINS, HELD, TUNED, clip, hold_slip, lasted
+from alloc.onboard.controllers.creep import ASSUMED, GAINS, HELD, TUNED, clip, has_lasted, hold_slip
 from alloc.onboard.sensing import LIMITING
 from alloc.onboard.signatures import control
 from alloc.schema.tables import Column, Table
@@ -58,11 +58,11 @@ def interval_is_over(unit, m, run):
         m.coefficient_sum += unit.coefficient_estimate
         m.slip_sum += unit.worst_slip
         m.samples += 1
-    return lasted(m.ticks, m.interval, run.period)
+    return has_lasted(m.ticks, m.interval, run.period)
 
 
 @jit
-def move(m, step):
+def move_reference(m, step):
     """Move the reference by `step` [m/s] within its bounds, turn round there, and start an interval."""
     wanted = m.reference + step
     m.moved = -step if wanted < m.lowest or wanted > m.highest else step
@@ -90,7 +90,7 @@ def perturb_observe(unit, axles, memory, run):
     m = memory.view(PERTURB_ROW)[0]
     if interval_is_over(unit, m, run):
         worse = m.coefficient_sum / m.samples < m.last_coefficient
-        move(m, math.copysign(m.step, -m.moved if worse else m.moved))
+        move_reference(m, math.copysign(m.step, -m.moved if worse else m.moved))
     hold_slip(unit, m, m.reference, unit.worst_slip, run)
 
 
@@ -120,7 +120,7 @@ def steepest_gradient(unit, axles, memory, run):
         if not math.isnan(rise) and abs(way) >= 0.3 * m.least:
             wanted = m.gain * rise / way
             step = math.copysign(clip(abs(wanted), m.least, m.largest), wanted)
-        move(m, step)
+        move_reference(m, step)
     hold_slip(unit, m, m.reference, unit.worst_slip, run)
 
 

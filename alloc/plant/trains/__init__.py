@@ -13,7 +13,7 @@ from typing import Any
 
 from alloc.plant.train import AirBrake, Car, Coupler, Motors, Train
 from alloc.schema.registry import Registry
-from alloc.schema.units import si
+from alloc.schema.units import to_si
 
 NAMES = (
     "one-axle", "jp4209318-3car", "commuter-8car", "gb-unit-8car", "high-speed-16car", "freight-5", "freight-17", "heavy-70"
@@ -40,19 +40,23 @@ for _name in NAMES:
 
 def train_of(keys: Mapping[str, Any]) -> Train:
     """The train of a file's keys, which are known to be there; raises `InputError` for values that do not fit together."""
-    coupler, kinds = keys.get("coupler"), {letter: si(one) for letter, one in keys["car"].items()}
-    for letter, given in kinds.items():
+    coupler, kinds = (
+        keys.get("coupler"),
+        {letter: to_si(car) for letter, car in keys["car"].items()},
+    )
+    for letter, values in kinds.items():
         for name, kind in (("motors", Motors), ("air_brake", AirBrake)):
             if name in keys["car"][letter]:
-                given[name] = kind(**si(keys["car"][letter][name]))
+                values[name] = kind(**to_si(keys["car"][letter][name]))
     cars = [
-        Car(**kinds[one], name=f"car {k} ({one})") for k, one in enumerate(keys["formation"], 1)
+        Car(**kinds[letter], name=f"car {k} ({letter})")
+        for k, letter in enumerate(keys["formation"], 1)
     ]
     return Train(
         name=keys["name"],
         cars=tuple(cars),
         resistance=tuple(keys[f"resistance_{unit}"] for unit in ("n", "ns_per_m", "ns2_per_m2")),
-        couplers=None if coupler is None else (Coupler(**si(coupler)),) * (len(cars) - 1),
+        couplers=None if coupler is None else (Coupler(**to_si(coupler)),) * (len(cars) - 1),
         planned_acceleration=keys["planned_acceleration_kmhs"] / 3.6,
         source=keys["source"],
         sources=dict(keys["sources"]),
