@@ -169,9 +169,9 @@ def compare(
     _refresh()
     chosen = [_scenario(scenario) for scenario in _as_list("scenarios", scenarios, _Path, Scenario)]
     parts = _as_list("rules", rules), _as_list("controllers", controllers)
-    grid = _compare.grid(chosen, *parts, seeds)
+    grid = _compare.choose_grid(chosen, *parts, seeds)
     _try_own_parts(grid.rules, grid.controllers)
-    study = _compare.study_of(grid)
+    study = _compare.make_study(grid)
     with _tempfile.TemporaryDirectory() as folder:
         return _tidy(_run_study(study, folder if out is None else out, jobs=jobs))
 
@@ -218,10 +218,10 @@ def rank(
     _check("events", 1 if events is None else events, 1)
     _check("jobs", jobs, 1)
     _refresh()
-    pairs = _benchmark.pairs_of(str(part), under)
+    pairs = _benchmark.find_pairs(str(part), under)
     if len(pairs) > 1:
         raise _StudyError(f"{part}: it registers several parts; give the name of one")
-    study = _benchmark.own_study(*pairs[0])
+    study = _benchmark.rank_study(*pairs[0])
     with _tempfile.TemporaryDirectory() as folder:
         rows = _run_study(study, folder if out is None else out, events, jobs=jobs)
     tables = study.make_tables(rows)
@@ -231,9 +231,9 @@ def rank(
 
 def plot(run: _xr.Dataset, path: str | _Path | None = None) -> _Any:
     """The figure of a run over time (`matplotlib.figure.Figure`); with a `path` (pdf, png, svg) it is written there."""
-    from paper_figs.event import course
+    from paper_figs.event import draw_course
 
-    figure = course(run)
+    figure = draw_course(run)
     if path is not None:
         figure.savefig(path)
     return figure

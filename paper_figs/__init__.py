@@ -23,36 +23,36 @@ MODULES = (
 
 def all_figures() -> dict[str, Drawing]:
     """Every figure by its name."""
-    found: dict[str, Drawing] = {}
+    figures: dict[str, Drawing] = {}
     for name in MODULES:
-        found |= import_module(f"paper_figs.{name}").FIGURES
-    return found
+        figures |= import_module(f"paper_figs.{name}").FIGURES
+    return figures
 
 
 def chosen_figures(names: Sequence[str], source: str | None) -> dict[str, Drawing]:
     """The figures of these names, or of a source; all if nothing is said. Raises `StudyError` where there is none."""
-    known = all_figures()
+    figures = all_figures()
     for name in names:
-        if name not in known:
-            raise StudyError(f"unknown figure {name!r}{suggest_name(name, known)}")
-    sources = sorted({one.source for one in known.values() if one.source})
+        if name not in figures:
+            raise StudyError(f"unknown figure {name!r}{suggest_name(name, figures)}")
+    sources = sorted({drawing.source for drawing in figures.values() if drawing.source})
     if source is not None and source not in sources:
         raise StudyError(f"unknown source {source!r}{suggest_name(source, sources)}")
     return {
-        name: one
-        for name, one in known.items()
-        if name in (names or known) and source in (None, one.source)
+        name: drawing
+        for name, drawing in figures.items()
+        if name in (names or figures) and source in (None, drawing.source)
     }
 
 
-def styled() -> AbstractContextManager[None]:
+def apply_style() -> AbstractContextManager[None]:
     """A context in which figures have the style of the papers."""
     return mpl.rc_context(fname=str(Path(__file__).with_name("readhesion.mplstyle")))
 
 
 def save(draw: Callable[[], Figure], path: Path) -> None:
     """Write a figure to a file of any ending that Matplotlib knows."""
-    with styled():
+    with apply_style():
         write_whole(path, draw().savefig)
 
 
@@ -62,10 +62,10 @@ def draw(figures: dict[str, Drawing], results: Path, out: Path, kind: str) -> It
     `results` has the rows of the studies that figures show, as a sweep writes them.
     """
     out.mkdir(parents=True, exist_ok=True)
-    for name, one in figures.items():
+    for name, drawing in figures.items():
         path = out / f"{name}.{kind}"
-        rows = [pd.read_parquet(results / one.study / "rows.parquet")] if one.study else []
-        save(partial(one.draw, *rows), path)
-        caption = partial(Path.write_text, data=f"{one.caption}\n", encoding="utf-8")
+        rows = [pd.read_parquet(results / drawing.study / "rows.parquet")] if drawing.study else []
+        save(partial(drawing.draw, *rows), path)
+        caption = partial(Path.write_text, data=f"{drawing.caption}\n", encoding="utf-8")
         write_whole(path.with_suffix(".txt"), caption)
         yield path

@@ -41,20 +41,20 @@ COLUMNS = 600
 Floats = NDArray[np.float64]
 
 
-def use_of(run: xr.Dataset, units: Sequence[int]) -> Floats:
+def find_use(run: xr.Dataset, units: Sequence[int]) -> Floats:
     """Coefficients over time, (3, time): what the rail offers these units, what they use of it, and their limit.
 
     Means over their axles, weighted with the loads.
     """
-    own = np.isin(run["axle_unit"].values, units)
-    load, weight = run["axle_load"].values[:, own], run["unit_static_load"].values[list(units)]
-    offered = (run["adhesion_limit"].values[:, own] * load).sum(axis=1)
-    used = np.abs(run["rail_force"].values[:, own].sum(axis=1))
+    member = np.isin(run["axle_unit"].values, units)
+    load, weight = run["axle_load"].values[:, member], run["unit_static_load"].values[list(units)]
+    offered = (run["adhesion_limit"].values[:, member] * load).sum(axis=1)
+    used = np.abs(run["rail_force"].values[:, member].sum(axis=1))
     limit = run["limit"].values[:, list(units)] @ weight / weight.sum()
     return np.array([offered / load.sum(axis=1), used / load.sum(axis=1), limit])
 
 
-def _colour(run: xr.Dataset) -> str:
+def _rule_colour(run: xr.Dataset) -> str:
     """That of the run's rule; grey where it is no registered one."""
     rule = RULES.get(run.attrs["rule"])
     return DARK if rule is None else rule.colour
@@ -63,7 +63,7 @@ def _colour(run: xr.Dataset) -> str:
 # a run over time
 
 
-def course(*runs: xr.Dataset) -> Figure:
+def draw_course(*runs: xr.Dataset) -> Figure:
     """A column for each run of one train: adhesion and slip of every axle, then what units have, may use and use.
 
     Of many units the foremost and the rearmost are shown, and all together.
@@ -81,14 +81,14 @@ def course(*runs: xr.Dataset) -> Figure:
         ("slip_velocity", np.maximum, LEAST_SLIP, SLIP, "slip [m/s]"),
     )
     for row, (name, keep, least, shades, label) in zip(panels, maps, strict=False):
-        values = [np.abs(run[name].values) for run in runs]
-        scale = Normalize(0.0, max(least, *(one.max() for one in values)))
-        for axes, run, one in zip(row, runs, values, strict=True):
-            time, axles = run["time"].values, one.shape[1]
-            kept = keep.reduceat(one, np.arange(0, time.size, -(-time.size // COLUMNS)))
+        arrays = [np.abs(run[name].values) for run in runs]
+        scale = Normalize(0.0, max(least, *(values.max() for values in arrays)))
+        for axes, run, values in zip(row, runs, arrays, strict=True):
+            time, axles = run["time"].values, values.shape[1]
+            shown = keep.reduceat(values, np.arange(0, time.size, -(-time.size // COLUMNS)))
             look: dict[str, Any] = {"norm": scale, "aspect": "auto", "interpolation": "none"}
             extent = (time[0], time[-1], axles + 0.5, 0.5)
-            shade = axes.imshow(kept.T, cmap=shades, extent=extent, **look)
+            shade = axes.imshow(shown.T, cmap=shades, extent=extent, **look)
             axes.set_yticks(sorted({1, axles // 2, axles} - {0}))
             axes.grid(visible=False)
         row[0].set_ylabel("axle")
@@ -96,14 +96,15 @@ def course(*runs: xr.Dataset) -> Figure:
     top = 1.3 * max(float(run["limit"].max()) for run in runs)  # more adhesion serves nothing
     for column, run in zip(panels.T, runs, strict=True):
         for axes, (name, units) in zip(column[2:], strips.items(), strict=True):
-            _strip(axes, run, units)
+            _draw_strip(axes, run, units)
             axes.set_title(name, loc="right", pad=2.0)
             axes.set(ylim=(0.0, top), xlim=run["time"].values[[0, -1]])
         share = 100.0 * evaluate(run)["bound_use"]
-        told = "" if np.isnan(share) else f": {share:.1f} % of the possible"
-        axes.set_title(f"all units{told}", loc="right", pad=2.0)
+        result = "" if np.isnan(share) else f": {share:.1f} % of the possible"
+        axes.set_title(f"all units{result}", loc="right", pad=2.0)
         axes.set_xlabel("time [s]")
-        column[0].set_title(f"{run.attrs['rule']}, {run.attrs['controller']}", color=_colour(run))
+        title = f"{run.attrs['rule']}, {run.attrs['controller']}"
+        column[0].set_title(title, color=_rule_colour(run))
     for axes in panels[2:, 0]:
         axes.set_ylabel("coefficient [1]")
     drawn.align_ylabels(panels[:, 0].tolist())
@@ -111,12 +112,12 @@ def course(*runs: xr.Dataset) -> Figure:
     return drawn
 
 
-def _strip(axes: Axes, run: xr.Dataset, units: Sequence[int]) -> None:
+def _draw_strip(axes: Axes, run: xr.Dataset, units: Sequence[int]) -> None:
     """What units have, may use and use, over time."""
-    time, (offered, used, limit) = run["time"].values, use_of(run, units)
+    time, (offered, used, limit) = run["time"].values, find_use(run, units)
     axes.fill_between(time, 0.0, offered, color=OFFERED, linewidth=0.0, label="the rail offers")
     axes.plot(time, limit, label="limit", **DASHED)
-    axes.plot(time, used, color=_colour(run), linewidth=0.9, label="used")
+    axes.plot(time, used, color=_rule_colour(run), linewidth=0.9, label="used")
 
 
 # rules and controllers beside each other
@@ -126,16 +127,16 @@ INSTANT = 11.5
 """Of the event wet-patch [s]: the front is on the patch, the rear is not."""
 
 
-def allocation_bars() -> Figure:
+def draw_allocation() -> Figure:
     """What each rule makes of one instant of one event."""
     drawn = Figure(figsize=(WIDE, 1.9), layout="constrained")
     panels = drawn.subplots(1, len(COMPARED), sharey=True)
     for axes, rule in zip(panels, COMPARED, strict=True):
         run = recorded(load_scenario("wet-patch"), rule, "perturb-observe", 0)
         at = run.sel(time=slice(INSTANT - 0.25, INSTANT + 0.25))
-        each = np.array([use_of(at, [unit]).mean(axis=1) for unit in range(run.sizes["unit"])])
+        each = np.array([find_use(at, [unit]).mean(axis=1) for unit in range(run.sizes["unit"])])
         plan = float(at["plan"].mean())
-        _bars(axes, each, RULES[rule].colour)
+        _draw_bars(axes, each, RULES[rule].colour)
         axes.axhline(plan, label="plan", **DASHED)
         title = f"{rule}\n{100.0 * each[:, 1].mean() / plan:.0f} % of plan"
         axes.set_title(title, loc="center", color=RULES[rule].colour)
@@ -145,7 +146,7 @@ def allocation_bars() -> Figure:
     return drawn
 
 
-def _bars(axes: Axes, each: Floats, colour: str) -> None:
+def _draw_bars(axes: Axes, each: Floats, colour: str) -> None:
     """Of each unit what the rail offers, what it uses, and its limit, (units, 3)."""
     units = np.arange(1, len(each) + 1)
     axes.bar(units, each[:, 0], 0.9, color=OFFERED, label="the rail offers")
@@ -155,7 +156,7 @@ def _bars(axes: Axes, each: Floats, colour: str) -> None:
     axes.grid(visible=False, axis="x")
 
 
-def adhesion_drop() -> Figure:
+def draw_adhesion_drop() -> Figure:
     """Controllers that wait for a slip, hold a slip, and search for the peak."""
     drawn = Figure(figsize=(WIDE, 3.0), layout="constrained")
     panels = drawn.subplot_mosaic("aac\nbbc")
@@ -188,36 +189,36 @@ FRAMES, RATE, BEFORE = 80, 9, 1.5
 """Pictures, pictures a second, and the time [s] before the first slip at which it begins."""
 
 
-def film(path: Path, name: str = "wet-patch", rule: str = "cooperative") -> None:
+def write_film(path: Path, name: str = "wet-patch", rule: str = "cooperative") -> None:
     """Write an event under `rule` and cut-and-ramp as a GIF: train and rail, each unit, and all units over time."""
     run, event = recorded(load_scenario(name), rule, "cut-and-ramp", 0), load_scenario(name).event()
     time, slip = run["time"].values, np.abs(run["slip_velocity"].values)
     worst, units = slip.max(axis=1), range(run.sizes["unit"])
     first = np.searchsorted(time, time[np.argmax(worst > 0.5 * worst.max())] - BEFORE)
     instants = np.linspace(first, time.size - 1, FRAMES).astype(int)
-    each = np.array([use_of(run, [unit]) for unit in units])
+    each = np.array([find_use(run, [unit]) for unit in units])
     drawn = Figure(figsize=(NARROW, 3.3), layout="constrained")
     line, bars, whole = drawn.subplots(3, 1, height_ratios=(0.5, 1.0, 0.8))
 
-    def show(frame: int) -> None:
+    def show_frame(frame: int) -> None:
         k = instants[frame]
         for axes in (line, bars, whole):
             axes.clear()
-        _train(line, event, run, k, worst.max())
-        _bars(bars, each[:, :, k], _colour(run))
+        _draw_train(line, event, run, k, worst.max())
+        _draw_bars(bars, each[:, :, k], _rule_colour(run))
         bars.set(xlim=(len(units) + 0.6, 0.4), ylim=(0.0, 1.3 * each.max()))
         bars.set_ylabel("coefficient [1]")
         bars.legend(loc="upper center", ncols=3)
-        _strip(whole, run, units)
+        _draw_strip(whole, run, units)
         whole.axvspan(time[k], time[-1], color="white", alpha=0.85, linewidth=0.0, zorder=5)
         whole.set(xlim=time[instants[[0, -1]]], ylim=0.0, xlabel="time [s]")
         whole.set_ylabel("all units [1]")
 
-    moving = FuncAnimation(drawn, show, FRAMES, init_func=lambda: None)
+    moving = FuncAnimation(drawn, show_frame, FRAMES, init_func=lambda: None)
     moving.save(path, PillowWriter(RATE), dpi=200)
 
 
-def _train(axes: Axes, event: Event, run: xr.Dataset, k: int, worst: float) -> None:
+def _draw_train(axes: Axes, event: Event, run: xr.Dataset, k: int, worst: float) -> None:
     """Cars, wheels and rail at instant `k`, the front at 0; of each wheel the largest slip of the last tenth of a second."""
     at, axles, front = run.isel(time=k), rows_of_train(event.train).wheelsets, 0.0
     for car in event.train.cars:
@@ -226,45 +227,45 @@ def _train(axes: Axes, event: Event, run: xr.Dataset, k: int, worst: float) -> N
         front -= car.length
     places = np.linspace(front, 0.0, 400)
     factor = np.ones((1, places.size))
-    for one in event.rail.patches:
-        there = window(float(at["position"]) + places, one.start, one.end, one.edge)
-        then = window(float(at["time"]), one.begin, one.until, one.fade)
-        factor *= 1.0 + there * then * (one.factor - 1.0)
+    for patch in event.rail.patches:
+        near = window(float(at["position"]) + places, patch.start, patch.end, patch.edge)
+        now = window(float(at["time"]), patch.begin, patch.until, patch.fade)
+        factor *= 1.0 + near * now * (patch.factor - 1.0)
     extent, scale = (front, 0.0, 0.0, 0.14), Normalize(0.3, 1.0)
     axes.imshow(factor, cmap=ADHESION, norm=scale, aspect="auto", extent=extent)
     slip = np.abs(run["slip_velocity"].values[max(0, k - 10) : k + 1]).max(axis=0)
     look: dict[str, Any] = {"edgecolors": "black", "linewidths": 0.5, "cmap": SLIP}
     size = np.where(axles.unit >= 0, 12.0, 6.0)
     axes.scatter(axles.offset, 0.27 + 0.0 * size, size, slip, vmin=0.0, vmax=worst, **look)
-    words = "darker wheels slip more, darker rail is slipperier"
-    axes.text(0.5 * front, -0.3, words, ha="center", color=DARK)
-    told = f"{float(at['time']):4.1f} s, {3.6 * float(at['speed']):2.0f} km/h"
-    axes.set_title(f"{run.attrs['rule']}, {run.attrs['controller']}: {told}")
+    note = "darker wheels slip more, darker rail is slipperier"
+    axes.text(0.5 * front, -0.3, note, ha="center", color=DARK)
+    instant = f"{float(at['time']):4.1f} s, {3.6 * float(at['speed']):2.0f} km/h"
+    axes.set_title(f"{run.attrs['rule']}, {run.attrs['controller']}: {instant}")
     axes.set(xlim=(front - 1.0, 1.0), ylim=(-0.3, 1.0))
     axes.set_axis_off()
 
 
-def slip_event() -> Figure:
+def draw_slip_event() -> Figure:
     """The README's event without and with sharing."""
     rules = ("alone", "cooperative")
-    return course(
+    return draw_course(
         *(recorded(load_scenario("wet-patch"), rule, "cut-and-ramp", 0) for rule in rules)
     )
 
 
 FIGURES = {
     "slip-event": Drawing(
-        slip_event,
+        draw_slip_event,
         "An eight-car train runs onto a wet patch, and units slip one after another; under cooperative sharing those that "
         "have adhesion to spare make up for the force that is lost.",
     ),
     "allocation-bars": Drawing(
-        allocation_bars,
+        draw_allocation,
         f"In the event wet-patch at {INSTANT:g} s the front stands on the patch: caps inferred from its slip hold back the "
         "rear, which could make up for it, while rules that go by each unit's own report use it.",
     ),
     "adhesion-drop": Drawing(
-        adhesion_drop,
+        draw_adhesion_drop,
         "When adhesion falls by a third, cut-and-ramp takes the torque away and lets the wheel slip again as it returns, "
         "while controllers of creep stay near the peak of the new curve.",
     ),
@@ -272,4 +273,4 @@ FIGURES = {
 
 if __name__ == "__main__":
     with mpl.rc_context(fname=str(Path(__file__).with_name("readhesion.mplstyle"))):
-        film(Path(sys.argv[1] if len(sys.argv) > 1 else "slip-event.gif"))
+        write_film(Path(sys.argv[1] if len(sys.argv) > 1 else "slip-event.gif"))

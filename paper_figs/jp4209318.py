@@ -11,15 +11,15 @@ from alloc.evaluation.metrics import distance
 from alloc.laws import speed_law
 from alloc.plant.columns import PLANT, WHEELSET
 from paper_figs.style import WIDE, Drawing
-from studies.jp4209318 import CALIBRATED, TABLE_3, TABLE_4, stop
+from studies.jp4209318 import CALIBRATED, TABLE_3, TABLE_4, run_stop
 
 AXLES = ("#d55e00", "#e69f00", "#0072b2", "#56b4e9")
 """Colours of a car's axles from its front; a bogie has that of its front axle."""
 
 
-def adhesion() -> Figure:
+def draw_adhesion() -> Figure:
     """Left over slip ratio, right over speed; above the first axle, below the twelfth."""
-    rail, axles, plant = CALIBRATED.rail(), WHEELSET.rows(12), PLANT.rows(1)[0]
+    rail, axles, plant = CALIBRATED.make_rail(), WHEELSET.rows(12), PLANT.rows(1)[0]
     rail.put_under(axles, plant)
     drawn = Figure(figsize=(WIDE, 3.2), layout="constrained")
     panels = drawn.subplots(2, 2, sharex="col", sharey=True)
@@ -39,9 +39,9 @@ def adhesion() -> Figure:
     return drawn
 
 
-def control() -> Figure:
+def draw_control() -> Figure:
     """A column for each car: speeds, cylinder pressures, and what the valves of its two bogies do."""
-    run = stop(CALIBRATED, 3, CALIBRATED.protection())
+    run = run_stop(CALIBRATED, 3, CALIBRATED.make_protection())
     stands = int(np.argmax(run["speed"].values < 0.1))
     run = run.isel(time=slice(None, stands + 50))
     time, valve = run["time"].values, run["valve"].values
@@ -56,9 +56,9 @@ def control() -> Figure:
             group, colour = 2 * car + k, AXLES[2 * k]
             pressure = run["cylinder_pressure"].values[:, group] / 1e3
             pressures.plot(time, pressure, color=colour, label=f"{place} bogie")
-            for action, alpha, words in ((1, 0.35, "hold"), (2, 1.0, "release")):
+            for action, alpha, effect in ((1, 0.35, "hold"), (2, 1.0, "release")):
                 look = {"alpha": alpha, "color": colour, "lw": 0.0, "step": "post"}
-                look |= {"where": valve[:, group] == action, "label": f"{place} valves {words}"}
+                look |= {"where": valve[:, group] == action, "label": f"{place} valves {effect}"}
                 valves.fill_between(time, 0.6 - k, 1.4 - k, **look)
         speeds.set_title(f"car {car + 1}")
         valves.set(xlabel="time [s]", yticks=[0, 1], yticklabels=["rear", "front"])
@@ -66,13 +66,13 @@ def control() -> Figure:
     panels[0, 0].set(ylabel="speed [km/h]", ylim=(0.0, None))
     panels[1, 0].set(ylabel="pressure [kPa]", ylim=(0.0, None))
     panels[2, 0].set_ylabel("bogie")
-    handles = [one for axes in panels[:, 0] for one in axes.get_legend_handles_labels()[0]]
+    handles = [handle for axes in panels[:, 0] for handle in axes.get_legend_handles_labels()[0]]
     drawn.legend(handles=handles, loc="outside lower center", ncols=6)
     drawn.suptitle(f"braking distance {distance(run):.1f} m (printed in Table 3: {TABLE_3[3]} m)")
     return drawn
 
 
-def tables(rows: pd.DataFrame) -> Figure:
+def draw_tables(rows: pd.DataFrame) -> Figure:
     """Printed numbers, those of the calibrated set, and of all sets that reach both tables."""
     five = rows[(rows["part"] == "member") & (rows["kind"] == "tables")]
     by_cars = five[five["setting"] == "medium"].set_index("cars")
@@ -80,9 +80,9 @@ def tables(rows: pd.DataFrame) -> Figure:
     metres, q = ({name: row[k] for name, row in TABLE_4.items()} for k in (0, 1))
     drawn = Figure(figsize=(WIDE, 2.5), layout="constrained")
     left, middle, right = drawn.subplots(1, 3)
-    _compared(left, by_cars, "distance", TABLE_3)
-    _compared(middle, by_setting, "distance", metres)
-    _compared(right, by_setting, "Q", q)
+    _draw_compared(left, by_cars, "distance", TABLE_3)
+    _draw_compared(middle, by_setting, "distance", metres)
+    _draw_compared(right, by_setting, "Q", q)
     left.set(title="(a) Table 3", xlabel="number of cars", ylabel="braking distance [m]")
     for axes, letter in ((middle, "b"), (right, "c")):
         axes.set(title=f"({letter}) Table 4, 3 cars", xlabel="detection sensitivity")
@@ -92,11 +92,11 @@ def tables(rows: pd.DataFrame) -> Figure:
     return drawn
 
 
-def _compared(axes: Axes, own: pd.DataFrame, column: str, printed: dict[Any, float]) -> None:
+def _draw_compared(axes: Axes, rows: pd.DataFrame, column: str, printed: dict[Any, float]) -> None:
     at = pd.Series(np.arange(3.0), list(printed))
-    first = own.loc[own["set"] == 0, column]
+    first = rows.loc[rows["set"] == 0, column]
     label = "sets that reach both tables"
-    axes.plot(at[own.index] + 0.2, own[column], "_", color="0.6", ms=8, label=label)
+    axes.plot(at[rows.index] + 0.2, rows[column], "_", color="0.6", ms=8, label=label)
     axes.plot(at[first.index] + 0.2, first, "o", color=AXLES[2], label="calibrated set")
     axes.plot(at - 0.2, list(printed.values()), "kx", label="printed")
     for x, value in zip(at - 0.2, printed.values(), strict=True):
@@ -107,19 +107,19 @@ def _compared(axes: Axes, own: pd.DataFrame, column: str, printed: dict[Any, flo
 
 FIGURES = {
     "slide-adhesion": Drawing(
-        adhesion,
+        draw_adhesion,
         "Fig. 2, calibrated since the source's curves are not printed: the twelfth axle finds more adhesion than the first, "
         "and it falls less with speed.",
         source="jp4209318",
     ),
     "slide-control": Drawing(
-        control,
+        draw_control,
         "Fig. 3: three cars stop from 100 km/h under fuzzy slide protection; front axles of a bogie slide more than rear "
         "ones, and cars in front more than those behind.",
         source="jp4209318",
     ),
     "slide-tables": Drawing(
-        tables,
+        draw_tables,
         "Tables 3 and 4: braking distance and wheel damage, printed, by the calibrated set, and by all sets.",
         study="jp4209318",
         source="jp4209318",

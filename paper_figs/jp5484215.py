@@ -12,17 +12,17 @@ from matplotlib.figure import Figure
 from alloc.plant.curves import POLACH_DRY, POLACH_WET
 from alloc.plant.rail import GROWTH_SLOPE, logarithmic_increments
 from alloc.rules import RULES, AllocationProblem
-from paper_figs.sharing import of_study
+from paper_figs.sharing import study_figure
 from paper_figs.style import NARROW, WIDE, Drawing
 from studies.files.scenario_files import load_scenario
-from studies.learning import SIGMA, axle_shifts, drawn_counts, fit, planned, unit_increments
+from studies.learning import SIGMA, axle_shifts, draw_counts, fit_slope, plan_at, unit_increments
 from studies.run_cell import recorded
 
 SOURCE = "jp5484215"
 BLUE, RED, DARK = "#0072b2", "#d55e00", "#444444"
 
 
-def detection() -> Figure:
+def draw_detection() -> Figure:
     """Fig. 5: the signal of the foremost unit in the event wet-patch, by its thresholds."""
     event = load_scenario("wet-patch")
     detector = event.event().onboard.detector
@@ -58,21 +58,21 @@ LEVELS = {"greedy-claim": "claim 1", "greedy": "description", "exact": "exact le
 """Rule, and what the patent's text has of it."""
 
 
-def limits() -> Figure:
+def draw_limits() -> Figure:
     """Fig. 6: caps, and limits by the description, by claim 1, and by the exact level."""
     increments = logarithmic_increments(UNITS * AXLES).reshape(UNITS, AXLES).mean(axis=1)
     unit = np.arange(1, UNITS + 1)
     drawn = Figure(figsize=(WIDE, 2.6), layout="constrained")
     panels = drawn.subplots(1, 2, sharey=True)
-    for axes, (title, found) in zip(panels, FOUND.items(), strict=True):
-        cap = found + increments - increments[0]
+    for axes, (title, coefficient) in zip(panels, FOUND.items(), strict=True):
+        cap = coefficient + increments - increments[0]
         axes.plot(unit, cap, "-.", color=DARK, label="cap (5)")
         axes.axhline(PLAN, color="black", linestyle="--", linewidth=0.8, label="plan")
-        for rule, words in LEVELS.items():
+        for rule, label in LEVELS.items():
             part, limit = RULES[rule], RULES[rule](AllocationProblem(cap, PLAN)).limit
             look: dict[str, Any] = {"color": part.colour, "fillstyle": "none"}
-            words += f": {100.0 * limit.mean() / PLAN:.1f} % of the plan"
-            axes.plot(unit, limit, part.marker, label=words, **look)
+            label += f": {100.0 * limit.mean() / PLAN:.1f} % of the plan"
+            axes.plot(unit, limit, part.marker, label=label, **look)
         colours = np.where(limit < PLAN, RED, BLUE).tolist()
         axes.bar(unit, limit - PLAN, 1.0, PLAN, color=colours, alpha=0.15)
         axes.set(title=title, xlabel="unit", xticks=unit)
@@ -103,7 +103,7 @@ MEET, RIGHT = 8, 1.3
 """A step, and the place of the second column; the first is at 0."""
 
 
-def steps() -> Figure:
+def draw_steps() -> Figure:
     """Figs. 7 to 9 as one chart."""
     drawn = Figure(figsize=(NARROW, 4.6), layout="constrained")
     axes = drawn.subplots()
@@ -115,14 +115,14 @@ def steps() -> Figure:
         centred: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 3}
         return axes.text(x, -step, text, bbox=frame, fontsize=6, **centred).get_bbox_patch()
 
-    def arrow(one: tuple[float, float], other: tuple[float, float], **patches: Any) -> None:
+    def arrow(start: tuple[float, float], end: tuple[float, float], **patches: Any) -> None:
         look = {"arrowstyle": "-|>", "color": DARK, "shrinkA": 0.0, "shrinkB": 0.0} | patches
-        axes.annotate("", other, one, arrowprops=look)
+        axes.annotate("", end, start, arrowprops=look)
 
     asks = {"boxstyle": "round", "fc": "#dcebf5"}
     main = [box(0.0, k, text, **(asks if k in BRANCHES else {})) for k, text in enumerate(STEPS)]
-    for k, (one, other) in enumerate(pairwise(main)):
-        arrow((0.0, -k), (0.0, -k - 1), patchA=one, patchB=other)
+    for k, (upper, lower) in enumerate(pairwise(main)):
+        arrow((0.0, -k), (0.0, -k - 1), patchA=upper, patchB=lower)
     for k, (on, right, text) in BRANCHES.items():
         arrow((0.0, -k), (RIGHT, -k), patchA=main[k], patchB=box(RIGHT, k, text))
         axes.text(0.03, -k - 0.5, on, fontsize=6, va="center")
@@ -138,22 +138,22 @@ GROUPS = {"1C4M": ("s", BLUE), "1C2M": ("^", RED), "1C1M": ("o", "#009e73")}
 """Motors per inverter, and the look of its units."""
 
 
-def increments() -> Figure:
+def draw_increments() -> Figure:
     """Figs. 10 to 13, by synthetic data: the measured ones are lost with the source's drawings."""
     drawn = Figure(figsize=(WIDE, 3.6), layout="constrained")
     (ten, eleven), (twelve, thirteen) = drawn.subplots(2, 2)
     g, speed = np.random.default_rng(1), np.linspace(20.0, 280.0, 100)
     at = g.uniform(30.0, 270.0, 200)
-    found = planned(at / 3.6) + SIGMA * g.standard_normal(at.size)
-    ten.plot(at, found, ".", ms=2, color=BLUE, label=f"synthetic, σ = {SIGMA}")
-    ten.plot(speed, planned(speed / 3.6), color="black", label="planned (12)")
+    coefficient = plan_at(at / 3.6) + SIGMA * g.standard_normal(at.size)
+    ten.plot(at, coefficient, ".", ms=2, color=BLUE, label=f"synthetic, σ = {SIGMA}")
+    ten.plot(speed, plan_at(speed / 3.6), color="black", label="planned (12)")
     ten.set(title="Fig. 10", xlabel="speed [km/h]", ylabel="coefficient [1]", ylim=(0.0, None))
     axle = np.arange(1, AXLES * CARS + 1)
-    slides = drawn_counts(axle.size, BRAKINGS)
+    slides = draw_counts(axle.size, BRAKINGS)
     eleven.bar(axle, slides, width=1.0, color=BLUE, label="synthetic, from (14) and (15)")
     eleven.set(title="Fig. 11", ylabel="slides [1]")
     shift, covariance = axle_shifts(slides)
-    slope, error = fit(shift, covariance)
+    slope, error = fit_slope(shift, covariance)
     look: dict[str, Any] = {"fmt": ".", "ms": 3, "lw": 0.5, "color": BLUE}
     twelve.errorbar(axle, shift, np.sqrt(np.diag(covariance)), **look, label="from the slides (14)")
     fitted, printed = slope * np.log(axle), logarithmic_increments(axle.size)
@@ -174,19 +174,19 @@ def increments() -> Figure:
     return drawn
 
 
-def brake_forces() -> Figure:
+def draw_brake_forces() -> Figure:
     """Fig. 16: what the foremost unit is asked for in the blended stop, and what each of its brakes does; at the rims."""
     run = recorded(load_scenario("wet-stop"), "greedy-literal", "cut-and-ramp", 0)
-    time, own = run["time"].values, run["axle_unit"].values == 0
+    time, member = run["time"].values, run["axle_unit"].values == 0
     load_of_unit = float(run["unit_static_load"][0]) / 1e3
-    turning = run["axle_turning_mass"].values[own].sum() / 1e3
+    turning = run["axle_turning_mass"].values[member].sum() / 1e3
     turning = turning * np.abs(run["driver_command"].values)
-    rim = float(run["unit_gear"][0] / run["unit_radius"][0]) * own.sum() / 1e3
+    rim = float(run["unit_gear"][0] / run["unit_radius"][0]) * member.sum() / 1e3
     limit = np.minimum(run["limit"].values[:, 0], run["plan"].values) * load_of_unit + turning
     shown = {
         "pattern [kN]": (run["plan"].values * load_of_unit + turning, "black"),
         "electric [kN]": (rim * run["motor_torque"].values[:, 0], BLUE),
-        "air [kN]": (own.sum() * run["air_brake_force"].values[:, 0] / 1e3, RED),
+        "air [kN]": (member.sum() * run["air_brake_force"].values[:, 0] / 1e3, RED),
     }
     drawn = Figure(figsize=(NARROW, 3.2), layout="constrained")
     panels = drawn.subplots(3, 1, sharex=True, sharey=True)
@@ -199,13 +199,13 @@ def brake_forces() -> Figure:
     return drawn
 
 
-def curve() -> Figure:
+def draw_curve() -> Figure:
     """Fig. 17: wet and dry rail, by Polach's sets."""
     drawn = Figure(figsize=(NARROW, 2.4), layout="constrained")
     axes, slip, speed = drawn.subplots(), np.linspace(0.0, 4.0, 500), 20.0
-    for law, friction, line in ((POLACH_WET, 0.30, "-"), (POLACH_DRY, 0.55, "--")):
-        most, place = (float(one) for one in law.top(speed, friction))
-        axes.plot(slip, law(slip, friction, speed), line, color=BLUE)
+    for polach, friction, line in ((POLACH_WET, 0.30, "-"), (POLACH_DRY, 0.55, "--")):
+        most, place = (float(number) for number in polach.top(speed, friction))
+        axes.plot(slip, polach(slip, friction, speed), line, color=BLUE)
         axes.plot(place, most, "o", color=RED)
         axes.text(
             place, most + 0.02, f"{'wet' if line == '-' else 'dry'}: {most:.2f} at {place:.1f} m/s"
@@ -217,55 +217,55 @@ def curve() -> Figure:
 
 FIGURES = {
     "slip-detection": Drawing(
-        detection,
+        draw_detection,
         "Fig. 5: the slip signal comes on above one acceleration and goes off at or below a lower one; here it also goes by "
         "the slip itself, as at 9.0 s, since a unit whose slip grows slowly hardly accelerates.",
         source=SOURCE,
     ),
     "limits": Drawing(
-        limits,
+        draw_limits,
         "Fig. 6: where the train can meet the plan, units behind take over what those in front lack, by equal areas at the "
         "exact level, by more at the patent's, which are caps; where it cannot, every limit is its cap.",
         source=SOURCE,
     ),
     "rule-steps": Drawing(
-        steps,
+        draw_steps,
         "Figs. 7 to 9: the steps by which the foremost unit limits all units; in case A all work at their caps, in case B "
         "the rear takes over what the front lacks.",
         source=SOURCE,
     ),
     "wet-and-dry": Drawing(
-        curve,
+        draw_curve,
         "Fig. 17: the tangential force coefficient over the slip velocity on wet and dry rail (Polach's sets at 72 km/h); "
         "beyond the maximum, the adhesion coefficient, more slip carries less force.",
         source=SOURCE,
     ),
     "slide-counts": Drawing(
-        increments,
+        draw_increments,
         "Figs. 10 to 13, from counts of slides to increments, with synthetic data since the measured ones are lost: counts "
         "drawn from (14) and (15) give (15) back within its error.",
         source=SOURCE,
     ),
     "brake-blending": Drawing(
-        brake_forces,
+        draw_brake_forces,
         "Fig. 16: the electric brake of the foremost unit fluctuates with what the line takes up, and the air brake is "
         "asked for the rest of the pattern, or of the limit while wheels slide.",
         source=SOURCE,
     ),
     "learning": Drawing(
-        of_study("learning"),
+        study_figure("learning"),
         "The largest error of increments that were too high at first, over the stations at which the train learns.",
         study="learning",
         source=SOURCE,
     ),
     "braking": Drawing(
-        of_study("braking"),
+        study_figure("braking"),
         "What each rule adds to the deceleration of units that brake alone, over random blended stops.",
         study="braking",
         source=SOURCE,
     ),
     "claims": Drawing(
-        of_study("claims"),
+        study_figure("claims"),
         "What decides claims (a) to (e) over random starts, for every layer of the patent; the line is the threshold.",
         study="claims",
         source=SOURCE,

@@ -5,20 +5,20 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from paper_figs.style import NARROW, WIDE, Drawing
-from studies.rtri import BRAKED_AT, CUT_OUT, TESTS, days, measure
+from studies.rtri import BRAKED_AT, CUT_OUT, TESTS, measure_test, tabulate_days
 
 DAY = 0
 """Of the tests that are shown."""
 LOCOMOTIVE, WAGONS, THEORY = "#0072b2", "#e69f00", "black"
 
 
-def over_time() -> Figure:
+def draw_over_time() -> Figure:
     """A column for each test: speed, accelerations of locomotive and first wagon, first coupler, estimated forces."""
     drawn = Figure(figsize=(WIDE, 5.4), layout="constrained")
     panels = drawn.subplots(4, 2, sharex="col", sharey="row")
     titles = {"locomotive": "(a) only the locomotive braked", "all": "(b) all cars braked"}
     for column, (name, title) in zip(panels.T, titles.items(), strict=True):
-        m, e = measure(name, DAY)
+        m, e = measure_test(name, DAY)
         shown = slice(0, e.window.stop)
         time = m.time[shown] - BRAKED_AT
         speed, acceleration, coupler, force = column
@@ -42,17 +42,17 @@ def over_time() -> Figure:
     return drawn
 
 
-def cut_out(rows: pd.DataFrame) -> Figure:
+def draw_cut_out(rows: pd.DataFrame) -> Figure:
     """Averaged estimate of every day, and the line through the means over days."""
-    found = days(rows)
+    numbers = tabulate_days(rows)
     drawn = Figure(figsize=(NARROW, 2.6), layout="constrained")
     axes = drawn.subplots()
     for k, name in enumerate(CUT_OUT):
-        values = found["mean", name]
+        values = numbers["mean", name]
         x = np.full(len(values), TESTS[name].braked)
         label = "a day's test" if k == 0 else None
         axes.plot(x, values, "_", color=LOCOMOTIVE, ms=10, mew=0.5, alpha=0.6, label=label)
-    slope, intercept = found["slope", "line"].mean(), found["intercept", "line"].mean()
+    slope, intercept = numbers["slope", "line"].mean(), numbers["intercept", "line"].mean()
     ends = np.array([0.0, 5.4])
     label = f"{slope:.1f} kN per wagon + {intercept:.1f} kN"
     axes.plot(ends, intercept + slope * ends, "--", color=THEORY, lw=0.9, label=label)
@@ -62,9 +62,9 @@ def cut_out(rows: pd.DataFrame) -> Figure:
     return drawn
 
 
-def theory() -> Figure:
+def draw_theory() -> Figure:
     """Emergency brake of 18 cars: (a) all wagons by (5) and (8), (b) the first wagon by (9) and (7)."""
-    m, e = measure("emergency", DAY)
+    m, e = measure_test("emergency", DAY)
     shown = slice(0, e.window.stop)
     wagons, time = TESTS["emergency"].wagons, m.time[shown] - BRAKED_AT
     drawn = Figure(figsize=(WIDE, 2.4), layout="constrained")
@@ -84,19 +84,19 @@ def theory() -> Figure:
 
 FIGURES = {
     "brake-tests": Drawing(
-        over_time,
+        draw_over_time,
         "Figs. 4 and 5: the locomotive's estimate is steady at once; that of the wagons swings until relative motion has "
         "died out, and with the spikes of the coupler.",
         source="rtri",
     ),
     "brake-cut-out": Drawing(
-        cut_out,
+        draw_cut_out,
         "Fig. 6: the averaged estimate is linear in the wagons braked, with an intercept that the true forces have too.",
         study="rtri",
         source="rtri",
     ),
     "brake-theory": Drawing(
-        theory,
+        draw_theory,
         "Fig. 7: the estimates of 17 wagons and of the first follow the theoretical force on average.",
         source="rtri",
     ),

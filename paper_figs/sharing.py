@@ -14,14 +14,15 @@ from matplotlib.figure import Figure
 
 from alloc.rules import RULES
 from paper_figs.style import WIDE, Drawing
-from studies.compare import EFFORT, REFERENCE, standings
+from studies.compare import REFERENCE, rank_rules
+from studies.standing import EFFORT
 from studies.statistics import Interval
 
 FILLS = ("full", "left", "none")
 """How the marker of a rule is filled, by controller."""
 
 
-def of_study(name: str) -> Callable[[pd.DataFrame], Figure]:
+def study_figure(name: str) -> Callable[[pd.DataFrame], Figure]:
     """The own figure of a study, which is imported when it is drawn."""
 
     def draw(rows: pd.DataFrame) -> Figure:
@@ -34,14 +35,14 @@ def of_study(name: str) -> Callable[[pd.DataFrame], Figure]:
     return draw
 
 
-def _mark(
-    axes: Axes, x: float, found: Interval, rule: str, fill: Any = "full", factor: float = 1.0
+def _draw_mark(
+    axes: Axes, x: float, number: Interval, rule: str, fill: Any = "full", factor: float = 1.0
 ) -> None:
     """A mean over `x` with its interval, times a factor, in the look of its rule."""
     look: dict[str, Any] = {"color": RULES[rule].colour, "linewidth": 0.9}
-    axes.plot([x, x], [factor * found.low, factor * found.high], **look)
+    axes.plot([x, x], [factor * number.low, factor * number.high], **look)
     look |= {"marker": RULES[rule].marker, "fillstyle": fill, "linestyle": "none"}
-    axes.plot(x, factor * found.value, label=rule, **look)
+    axes.plot(x, factor * number.value, label=rule, **look)
 
 
 # the comparison
@@ -54,31 +55,31 @@ COSTS = {
 """Number of a standing: factor, and label of its panel."""
 
 
-def rules(rows: pd.DataFrame) -> Figure:
+def draw_rules(rows: pd.DataFrame) -> Figure:
     """What each rule adds to `REFERENCE`, a column for each rule and a mark for each controller."""
-    found = [one for one in standings(rows) if one.rule != REFERENCE]
-    laws = list(dict.fromkeys(one.controller for one in found))
-    names = list(dict.fromkeys(one.rule for one in found))
+    standings = [standing for standing in rank_rules(rows) if standing.rule != REFERENCE]
+    controllers = list(dict.fromkeys(standing.controller for standing in standings))
+    names = list(dict.fromkeys(standing.rule for standing in standings))
     drawn = Figure(figsize=(WIDE, 4.2), layout="constrained")
     panels = drawn.subplots(len(COSTS), 1, sharex=True)
     for axes, (name, (factor, label)) in zip(panels, COSTS.items(), strict=True):
-        for one in found:
-            k = laws.index(one.controller)
-            x, fill = names.index(one.rule) + 0.22 * (k - 1), FILLS[k % 3]
-            _mark(axes, x, getattr(one, name), one.rule, fill, factor)
+        for standing in standings:
+            k = controllers.index(standing.controller)
+            x, fill = names.index(standing.rule) + 0.22 * (k - 1), FILLS[k % 3]
+            _draw_mark(axes, x, standing.numbers[name], standing.rule, fill, factor)
         axes.axhline(0.0, color="0.5", linewidth=0.8)
         axes.set_ylabel(label)
     for axes in panels[1:]:
         axes.set_yscale("symlog", linthresh=10.0)  # one rule costs as much as all others
-    marked = {one.rule for one in found if "°" in one.mark}
+    marked = {standing.rule for standing in standings if "°" in standing.mark}
     labels = [f"{name}°" if name in marked else name for name in names]
     panels[-1].set_xticks(range(len(names)), labels, rotation=35, ha="right")
     panels[-1].set_xlabel(f"rule; numbers are less those of {REFERENCE}")
-    _controllers(drawn, laws)
+    _add_legend(drawn, controllers)
     return drawn
 
 
-def _controllers(drawn: Figure, names: Sequence[str]) -> None:
+def _add_legend(drawn: Figure, names: Sequence[str]) -> None:
     """A legend of controllers by filling."""
     shown = [
         drawn.axes[0].plot([], [], "o", color="0.3", fillstyle=fill, label=name)[0]
@@ -93,26 +94,26 @@ FULL = 8.0
 """Points of the bound that have the full tint."""
 
 
-def rule_events(rows: pd.DataFrame) -> Figure:
+def draw_rule_events(rows: pd.DataFrame) -> Figure:
     """Points of the bound over `REFERENCE` by event and rule, under each controller."""
     good = rows[rows["status"] == "ok"]
-    laws = good["controller"].unique()
+    controllers = good["controller"].unique()
     used = good.pivot_table(index=["controller", "scenario"], columns="rule", values=EFFORT)
     gain = 100.0 * used.sub(used.pop(REFERENCE), axis=0)
     gain = gain[gain.mean().sort_values(ascending=False).index]
-    height = 0.9 + len(laws) * (0.2 + 0.15 * good["scenario"].nunique())
+    height = 0.9 + len(controllers) * (0.2 + 0.15 * good["scenario"].nunique())
     drawn = Figure(figsize=(WIDE, height), layout="constrained")
-    panels = drawn.subplots(len(laws), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, law in zip(panels, laws, strict=True):
-        own = gain.loc[law]
-        axes.imshow(own, cmap=TINTS, norm=Normalize(-FULL, FULL), aspect="auto")
-        for (row, column), value in np.ndenumerate(own.to_numpy()):
+    panels = drawn.subplots(len(controllers), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, controller in zip(panels, controllers, strict=True):
+        gains = gain.loc[controller]
+        axes.imshow(gains, cmap=TINTS, norm=Normalize(-FULL, FULL), aspect="auto")
+        for (row, column), value in np.ndenumerate(gains.to_numpy()):
             if np.isfinite(value):
                 text = f"{round(value, 1) + 0.0:+.1f}".replace("-", "\N{MINUS SIGN}")
                 dark = "white" if abs(value) > 0.8 * FULL else "black"
                 axes.text(column, row, text, ha="center", va="center", fontsize=6, color=dark)
-        axes.set(title=law, ylabel="event")
-        axes.set_yticks(range(len(own)), own.index)
+        axes.set(title=controller, ylabel="event")
+        axes.set_yticks(range(len(gains)), gains.index)
         axes.grid(visible=False)
     panels[-1].set_xticks(range(gain.shape[1]), gain.columns, rotation=35, ha="right")
     panels[-1].set_xlabel(f"rule; numbers are points of the bound over {REFERENCE}")
@@ -121,20 +122,20 @@ def rule_events(rows: pd.DataFrame) -> Figure:
 
 FIGURES = {
     "rules": Drawing(
-        rules,
+        draw_rules,
         "What each rule adds to units that act alone, as means over the events of the comparison with 95 % intervals: under "
         "controllers that search, rules that go by every unit's reports gain about twice what rules gain that infer the "
         "rear from the front; ° knows the rail.",
         study="compare",
     ),
     "rule-events": Drawing(
-        rule_events,
+        draw_rule_events,
         "The events differ more than most rules do: sharing gains most where units fail and where the front is wet, and "
         "nothing where the whole rail falls at once.",
         study="compare",
     ),
     "benchmark": Drawing(
-        of_study("benchmark"),
+        study_figure("benchmark"),
         "Above: what each rule gains over units that act alone on the benchmark's events, with 95 % intervals; hollow "
         "squares are events with more than 1 point of headroom. Below: bound used by readhesion controllers over the wheel "
         "damage and the jerk that they cause, each with its knob at several values.",

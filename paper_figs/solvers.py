@@ -10,7 +10,7 @@ from studies.solvers import table
 COLOURS = {"casadi": "#d55e00", "qpsolvers": "#0072b2", "cvxpy": "#009e73"}
 
 
-def solvers(rows: pd.DataFrame) -> Figure:
+def draw_solvers(rows: pd.DataFrame) -> Figure:
     """Worst distance of each solver, from default to tight tolerances, and time; hollow where it was wrong."""
     lines = table(rows).astype({"distance": float, "time": float})
     groups = [part for _, part in lines.groupby(["by", "solver"])]
@@ -40,7 +40,7 @@ def solvers(rows: pd.DataFrame) -> Figure:
 
 FIGURES = {
     "solvers": Drawing(
-        solvers,
+        draw_solvers,
         "Worst distance of QP solvers from the exact level, an arrow from default to tight tolerances, and median times "
         "over that of the compiled exact level; hollow where a solver says that a problem is solved and it is not.",
         study="solvers",

@@ -14,14 +14,14 @@ from alloc.evaluation.metrics import evaluate
 from alloc.onboard.settings import Assumed, Onboard
 from alloc.run.simulation import simulate
 from alloc.schema.units import unit_of
-from studies import run_cell as runs
+from studies import run_cell
 from studies.files.scenario import Scenario
 from studies.population import population
 from studies.population.draws import Keys
 from studies.runner.study import Cell, Row, Study
 from studies.statistics import Interval, mean
 
-PAIRS = [(rule, law) for law in ("perturb-observe", "mpc") for rule in ("alone", "cooperative")]
+PAIRS = [(rule, name) for name in ("perturb-observe", "mpc") for rule in ("alone", "cooperative")]
 AS_DRAWN = "as drawn"
 NUMBERS = (
     "onboard.telegrams.latency_s", "onboard.telegrams.jitter_s", "onboard.telegrams.loss", "onboard.telegrams.silence_s",
@@ -45,7 +45,7 @@ WITHOUT: dict[str, Callable[[Keys], Keys]] = {
     "no load transfer": lambda s: s | {"load_transfer": False},
     "no failures": lambda s: s | {"failures": []},
     "a level line": lambda s: s | {"line": {}},
-    "rigid train": lambda s: s | {"train": {k: one for k, one in s["train"].items() if k != "coupler"}},
+    "rigid train": lambda s: s | {"train": {key: table for key, table in s["train"].items() if key != "coupler"}},
     "all power taken up": lambda s: s | {"receptivity": {}},
     "perfect sensors": lambda s: s | {"onboard": s["onboard"] | {"sensors": {}}},
     "prompt telegrams": lambda s: s | {"onboard": s["onboard"] | {"telegrams": {"period_s": 0.01, "latency_s": 0.0}}},
@@ -54,30 +54,30 @@ WITHOUT: dict[str, Callable[[Keys], Keys]] = {
 """Effects of the plant and of the signals that are left out."""
 
 
-def changes() -> list[str]:
+def list_changes() -> list[str]:
     """Names of all changes, first none."""
-    scaled = [f"{one} × {factor:g}" for one in NUMBERS for factor in (0.5, 2.0)]
+    scaled = [f"{key} × {factor:g}" for key in NUMBERS for factor in (0.5, 2.0)]
     return [AS_DRAWN, *scaled, *WITHOUT]
 
 
-def changed(one: Scenario, name: str) -> Scenario:
+def change_scenario(scenario: Scenario, name: str) -> Scenario:
     """The event under a change; itself where the change has nothing to act on."""
-    given = one.model_dump(mode="json", exclude_unset=True)
+    keys = scenario.model_dump(mode="json", exclude_unset=True)
     if name in WITHOUT:
-        return one.changed(**WITHOUT[name](given))
+        return scenario.changed(**WITHOUT[name](keys))
     if name == AS_DRAWN:
-        return one
+        return scenario
     path, _, factor = name.partition(" × ")
-    whole, parts = one.model_dump(mode="json"), path.split(".")
+    whole, parts = scenario.model_dump(mode="json"), path.split(".")
     if parts[0] != "cars":
-        _scale(whole, given, parts, float(factor))
-    for kind in given["train"]["car"] if parts[0] == "cars" else ():
-        _scale(whole, given, ["train", "car", kind, *parts[1:]], float(factor))
-    return one.changed(**given)
+        _scale_key(whole, keys, parts, float(factor))
+    for kind in keys["train"]["car"] if parts[0] == "cars" else ():
+        _scale_key(whole, keys, ["train", "car", kind, *parts[1:]], float(factor))
+    return scenario.changed(**keys)
 
 
-def _scale(whole: Any, given: Any, path: list[str], factor: float) -> None:
-    """Multiply what stands at `path` of all keys, in those that are given; nothing where there is no number.
+def _scale_key(whole: Any, keys: Any, path: list[str], factor: float) -> None:
+    """Multiply what stands at `path` of the whole table, in `keys`; nothing where there is no number.
 
     What is left out on board has the default of its record.
     """
@@ -87,30 +87,31 @@ def _scale(whole: Any, given: Any, path: list[str], factor: float) -> None:
         record = reduce(getattr, path[1:-1], Onboard() if path[0] == "onboard" else Assumed())
         value = getattr(record, path[-1].removesuffix(unit.ending)) / unit.factor
     if value:
-        inner = reduce(lambda table, key: table.setdefault(key, {}), path[:-1], given)
+        inner = reduce(lambda table, key: table.setdefault(key, {}), path[:-1], keys)
         inner[path[-1]] = factor * value
 
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Each event under each change that makes another event of it, and under the four pairs."""
-    found = []
+    cells = []
     for k in range(events):
         base = population.event(seed, k)
-        for name in changes():
-            one = changed(base, name)
-            if name != AS_DRAWN and one == base:
+        for name in list_changes():
+            scenario = change_scenario(base, name)
+            if name != AS_DRAWN and scenario == base:
                 continue
-            for rule, law in PAIRS:
-                said = {"scenario": base.name, "change": name, "rule": rule, "controller": law}
-                found.append(Cell("/".join(said.values()), (one, rule, law, k), said))
-    return found
+            for rule, controller in PAIRS:
+                columns = {"scenario": base.name, "change": name, "rule": rule}
+                columns["controller"] = controller
+                args = scenario, rule, controller, k
+                cells.append(Cell("/".join(columns.values()), args, columns))
+    return cells
 
 
 def run(scenario: Scenario, rule: str, controller: str, k: int) -> Row:
     """Use of the bound."""
-    return {
-        "bound_use": evaluate(simulate(runs.event_of(scenario, k), rule, controller))["bound_use"]
-    }
+    metrics = evaluate(simulate(run_cell.event_of(scenario, k), rule, controller))
+    return {"bound_use": metrics["bound_use"]}
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
@@ -120,26 +121,24 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
         index=["change", "scenario"], columns=["rule", "controller"], values="bound_use"
     )
     gains = {
-        f"sharing under {law}": used["cooperative", law] - used["alone", law]
-        for _, law in PAIRS[::2]
+        f"sharing under {controller}": used["cooperative", controller] - used["alone", controller]
+        for _, controller in PAIRS[::2]
     }
     gains["MPC over the search, alone"] = used["alone", "mpc"] - used["alone", "perturb-observe"]
-    lines, base = [], {words: mean(gain.loc[AS_DRAWN]) for words, gain in gains.items()}
-    for name in [one for one in changes() if one in used.index]:
+    lines, base = [], {kind: mean(gain.loc[AS_DRAWN]) for kind, gain in gains.items()}
+    for name in [name for name in list_changes() if name in used.index]:
         line: Row = {"change": name, "events": len(used.loc[name])}
-        found = {words: mean(gain.loc[name].dropna()) for words, gain in gains.items()}
-        line |= {words: one.text(2, sign=True) for words, one in found.items()}
-        turned = [words for words, one in found.items() if _sign(one) * _sign(base[words]) < 0]
+        numbers = {kind: mean(gain.loc[name].dropna()) for kind, gain in gains.items()}
+        line |= {kind: number.text(2, sign=True) for kind, number in numbers.items()}
+        turned = [kind for kind, number in numbers.items() if _sign(number) * _sign(base[kind]) < 0]
         lines.append(line | {"turns": "; ".join(turned) or "–"})
     return pd.DataFrame(lines)
 
 
-def _sign(one: Interval) -> int:
+def _sign(number: Interval) -> int:
     """Of a mean whose interval does not hold 0."""
-    return int(one.low > 0.0) - int(one.high < 0.0)
+    return int(number.low > 0.0) - int(number.high < 0.0)
 
 
-QUESTION = (
-    "Which orders of rules and controllers turn where an assumed number or an effect is changed?"
-)
+QUESTION = "Which orders of rules and controllers turn where a number or an effect is changed?"
 STUDY = Study("assumptions", QUESTION, cells, run, table, events=60, seed=population.SEED)

@@ -1,10 +1,10 @@
-"""The benchmark: rules and controllers on one population of slip events, and the place of a part of one's own.
+"""The benchmark: rules and controllers on one population of slip events, and the place of a new part.
 
 Rules meet every event under several controllers, controllers where units act alone, and on the first events with a knob of
-theirs at other values. The rows are stored in the repository, so that a part of one's own is ranked by its runs alone.
+theirs at other values. The rows are stored in the repository, so that a new part is ranked by its runs alone.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -19,46 +19,50 @@ from alloc.files import write_whole
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.run.simulation import simulate
-from studies import StudyError
-from studies import run_cell as runs
-from studies.compare import MOST_OVER, NEGLIGIBLE, mark_of, meanings
+from studies import StudyError, run_cell, standing
 from studies.files.scenario import Scenario
 from studies.population import population
 from studies.runner.plugins import load_plugins, try_own_parts
 from studies.runner.row_key import LIBRARIES, hash_sources
 from studies.runner.study import WIDE, Cell, Row, Study
+from studies.standing import EFFORT, Columns, Statistic
 from studies.statistics import (
     Claim,
     Interval,
-    Numbers,
     Statement,
-    forest,
+    draw_forest,
     in_digits,
     judge,
     mean,
-    means,
     share,
 )
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Parts = Mapping[str, "pd.Series[bool]"]
-"""Parts of the events by words, as truth by event."""
+Strata = Mapping[str, "pd.Series[bool]"]
+"""Parts of the events by name, as truth by event."""
+Runs = dict[str, pd.DataFrame]
+"""Rows by event of each rule or of each controller, over the same events."""
+Knob = tuple[str, float]
+"""Parameter of a controller, and its value."""
+Pair = tuple[str, str]
+"""A rule and a controller."""
 
 # what is compared
 
 BASE, BOUND, SHARING = "alone", "oracle", "cooperative"
 """Units that share nothing, the rule that knows the rail, this project's own."""
-TOLD_ALIKE = {
+INFORMATION = {
     "every unit's report": ("uniform", "erp-reported", "exact-reported", SHARING, "wear"),
     "the front": ("sharing", "erp", "greedy", "exact", "qp"),
     "slips": ("greedy-literal", "greedy-tuned", "greedy-printed"),
     "nothing": ("preset",),
-}  # fmt: skip
+}
 """Rules by what they are told of the rail: first compare those that are told alike. What ends with "-reported" is the rule
 of that name, told what `SHARING` is told."""
-SHARERS = tuple(rule for alike in TOLD_ALIKE.values() for rule in alike)
+REPORTED = "-reported"
+SHARERS = tuple(rule for rules in INFORMATION.values() for rule in rules)
 UNDER = {
     "cut-and-ramp": (BASE, *SHARERS, BOUND),
     "perturb-observe": (BASE, *SHARERS, BOUND),
@@ -66,7 +70,7 @@ UNDER = {
 }
 """Controllers under which rules are compared, and the rules; under the MPC one of each kind, since it takes longest."""
 SEARCH = "perturb-observe"
-"""Controller with which others are compared where units act alone."""
+"""Controller with which all are compared where units act alone."""
 KNOBS: dict[str, tuple[str, tuple[float, ...]]] = {
     "table": ("margin", (0.03, 0.06, 0.22, 0.44)),
     "cut-and-ramp": ("recover", (0.5, 0.65, 0.8, 0.9)),
@@ -75,53 +79,52 @@ KNOBS: dict[str, tuple[str, tuple[float, ...]]] = {
     "steepest-gradient": ("highest", (0.06, 0.12, 0.25, 1.5)),
     "mpc": ("price", (0.0375, 0.6, 1.2, 2.4)),
 }
-"""Parameter of a controller by which it gives up adhesion for less wheel damage, and the values beside its own."""
+"""Parameter of a controller by which it gives up adhesion for less wheel damage, and values beside the one that ships."""
 SWEPT = 100
 """Events on which knobs are swept: the first."""
-KEPT = (
+METRICS_STORED = (
     "bound_use", "headroom", "over_delivery", "slip_time", "slip_peak", "damage", "excess_damage", "event_excess",
     "time_lost", "distance_lost", "locked_time", "jerk_rms", "effort_ratio",
 )  # fmt: skip
-"""Metrics that are stored."""
 
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Each event under every pair, its number the seed of all."""
-    found = []
+    single = [name for name in CONTROLLERS.shipped() if name not in (*UNDER, "mpc-opti")]
+    pairs = [(rule, controller) for controller, rules in UNDER.items() for rule in rules]
+    pairs += [(BASE, controller) for controller in single]
+    cells = list[Cell]()
     for k in range(events):
-        one, drawn = population.event(seed, k), population.draw(seed, k)
-        about = {name: drawn[name] for name in population.STRATA}
-        pairs = [(rule, law) for law, rules in UNDER.items() for rule in rules]
-        pairs += [(BASE, law) for law in CONTROLLERS.shipped() if law not in (*UNDER, "mpc-opti")]
-        found += [_cell(one, *pair, k, **about) for pair in pairs]
-        for law, (knob, values) in KNOBS.items() if k < SWEPT else ():
-            found += [_cell(one, BASE, law, k, (knob, value), **about) for value in values]
-    return found
+        event, drawn = population.event(seed, k), population.draw(seed, k)
+        strata = {name: drawn[name] for name in population.STRATA}
+        cells += [_make_cell(event, *pair, k, **strata) for pair in pairs]
+        for controller, (knob, values) in KNOBS.items() if k < SWEPT else ():
+            pair = BASE, controller
+            cells += [_make_cell(event, *pair, k, (knob, value), **strata) for value in values]
+    return cells
 
 
-def _cell(
-    one: Scenario, rule: str, law: str, k: int, knob: tuple[str, float] | None = None, **about: Any
+def _make_cell(
+    event: Scenario, rule: str, controller: str, k: int, knob: Knob | None = None, **strata: Any
 ) -> Cell:
-    said = {"scenario": one.name, "rule": rule, "controller": law, "seed": k, **about}
-    name = "/".join([one.name, rule, law, *map(str, knob or ())])
-    sources = runs.sources(one, rule.removesuffix(REPORTED), law)
-    return Cell(name, (one, rule, law, k, knob), said | {"knob": knob and knob[1]}, sources)
+    columns = {"scenario": event.name, "rule": rule, "controller": controller, "seed": k, **strata}
+    name = "/".join([event.name, rule, controller, *map(str, knob or ())])
+    sources = run_cell.sources(event, rule.removesuffix(REPORTED), controller)
+    columns["knob"] = knob and knob[1]
+    return Cell(name, (event, rule, controller, k, knob), columns, sources)
 
 
-REPORTED = "-reported"
-
-
-def run(
-    scenario: Scenario, rule: str, controller: str, k: int, knob: tuple[str, float] | None = None
-) -> Row:
+def run(scenario: Scenario, rule: str, controller: str, k: int, knob: Knob | None = None) -> Row:
     """The stored metrics of a run, and whether rule and controller worked; `knob`: a parameter at another value."""
-    law = CONTROLLERS.find(controller).tuned(**dict([knob])) if knob else controller
-    shared = RULES.find(rule.removesuffix(REPORTED))
+    control, share = CONTROLLERS.find(controller), RULES.find(rule.removesuffix(REPORTED))
+    if knob:
+        parameter, value = knob
+        control = control.tuned(**{parameter: value})
     if rule.endswith(REPORTED):
-        shared = shared.with_belief(RULES[SHARING].belief.name)
-    found = simulate(runs.event_of(scenario, k), shared, law)
-    numbers = evaluate(found)
-    return {name: numbers[name] for name in KEPT} | runs.status(found)
+        share = share.with_belief(RULES[SHARING].belief.name)
+    recorded = simulate(run_cell.event_of(scenario, k), share, control)
+    numbers = evaluate(recorded)
+    return {name: numbers[name] for name in METRICS_STORED} | run_cell.status(recorded)
 
 
 # the stored rows
@@ -130,175 +133,160 @@ STORED = ("docs/tables/benchmark.parquet", "studies/benchmark.parquet")
 """In a clone, and in an installed package."""
 
 
-def store(rows: pd.DataFrame, path: Path) -> None:
+def store_rows(rows: pd.DataFrame, path: Path) -> None:
     """Write rows in little room, with what they were computed by."""
-    kept = ["scenario", "seed", "rule", "controller", "knob", *population.STRATA, *KEPT, "status"]
-    small = rows[kept].astype({"knob": float} | dict.fromkeys(KEPT, "float32"))
+    parts = ["scenario", "seed", "rule", "controller", "knob", *population.STRATA]
+    types = {"knob": float} | dict.fromkeys(METRICS_STORED, "float32")
+    small = rows[[*parts, *METRICS_STORED, "status"]].astype(types)
     small.attrs = {"sources": hash_sources(run), **{name: version(name) for name in LIBRARIES}}
     write_whole(path, partial(small.to_parquet, index=False, compression="zstd"))
 
 
-def stored() -> pd.DataFrame:
+def read_stored() -> pd.DataFrame:
     """The stored rows; `attrs` say what computed them. Raises `StudyError` where there are none."""
-    for one in STORED:
-        if (ROOT / one).is_file():
-            return pd.read_parquet(ROOT / one)
+    for path in STORED:
+        if (ROOT / path).is_file():
+            return pd.read_parquet(ROOT / path)
     raise StudyError(f"{ROOT / STORED[0]} is missing; run readhesion benchmark")
 
 
 def is_stale() -> bool:
     """Whether the stored rows were computed by other sources than these."""
-    return bool(stored().attrs.get("sources") != hash_sources(run))
+    return bool(read_stored().attrs.get("sources") != hash_sources(run))
 
 
 # what comes out
 
 WORSE = 0.3
 """Points of the bound lost from which on an event counts as harmed."""
+WIDE_ROOM, NOISY = "headroom above 1 point", "noise above 0.05 km/h"
+"""Two of the strata."""
 
 
-def used(rows: pd.DataFrame, controller: str, metric: str = "bound_use") -> pd.DataFrame:
-    """A metric with a row for each event in which every rule worked, a column for each rule."""
-    own = runs.complete(as_shipped(rows, "controller", controller))
-    return own.pivot(index="scenario", columns="rule", values=metric)
+def split_runs(rows: pd.DataFrame, part: str) -> Runs:
+    """Rules under a controller, or controllers under a rule, as they ship, in the events in which all worked."""
+    kind, split = ("controller", "rule") if part in UNDER else ("rule", "controller")
+    good = run_cell.complete(rows[(rows[kind] == part) & rows["knob"].isna()])
+    return {str(name): runs.set_index("scenario") for name, runs in good.groupby(split)}
 
 
-def as_shipped(rows: pd.DataFrame, kind: str, name: str) -> pd.DataFrame:
-    """Rows of a rule or a controller, with every controller as it ships."""
-    return rows[(rows[kind] == name) & rows["knob"].isna()]
-
-
-def strata(rows: pd.DataFrame) -> Parts:
+def find_strata(rows: pd.DataFrame) -> Strata:
     """Parts of the events: headroom, case, fleet, noise, lag, what is special."""
     first = rows.drop_duplicates("scenario").set_index("scenario")
-    room = used(rows, SEARCH, "headroom")[BOUND].reindex(first.index)
-    parts = {"headroom above 1 point": room > 0.01}
-    parts |= {
-        f"{one}s": first["case"] == one for one in ("start", "receptive stop", "blended stop")
-    }
-    parts |= {f"{one}s": first["fleet"] == one for one in population.FLEETS}
-    parts |= {
-        "noise above 0.05 km/h": first["speed_noise_kmh"] > 0.05,
+    headroom = split_runs(rows, SEARCH)[BOUND]["headroom"].reindex(first.index)
+    cases = ("start", "receptive stop", "blended stop")
+    return {
+        WIDE_ROOM: headroom > 0.01,
+        **{f"{case}s": first["case"] == case for case in cases},
+        **{f"{fleet}s": first["fleet"] == fleet for fleet in population.FLEETS},
+        NOISY: first["speed_noise_kmh"] > 0.05,
         "lag above 22 ms": first["lag_s"] > 0.022,
         "a unit fails": first["fails"],
         "couplers": first["coupled"],
     }
-    return parts
 
 
-def _within(parts: Parts, events: pd.Index, names: Iterable[str] = ()) -> Parts:
-    """Parts of these events: all, or those of these names."""
-    return {name: parts[name].reindex(events, fill_value=False) for name in names or parts}
+def find_gain(runs: Runs, name: str, reference: str) -> "pd.Series[float]":
+    """How much more of the bound a part uses than a reference, by event [points]."""
+    return 100.0 * (runs[name][EFFORT] - runs[reference][EFFORT])
 
 
-def _line(gain: "pd.Series[float]", parts: Parts, names: Iterable[str]) -> Row:
-    """What a row of a table says of gains [points] by event."""
-    within = _within(parts, gain.index, names)
-    some = {name: mean(gain[true]).text(2, sign=True) for name, true in within.items()}
-    harmed = share(gain < -WORSE).text(0, 100.0)
-    return some | {
-        "worst [points]": in_digits(gain.min(), 1, True),
-        "harmed [% of events]": harmed,
-    }
-
-
-SHOWN = ("headroom above 1 point", "starts", "receptive stops", "blended stops")
-COSTS: Numbers = {
-    "Q over alone [kJ]": ("damage", 1, 1.0),
-    "slip over alone [axle s]": ("slip_time", 1, 1.0),
-    "time lost over alone [s]": ("time_lost", 2, 1.0),
-    "way lost over alone [m]": ("distance_lost", 1, 1.0),
+USED, GAIN = Statistic(EFFORT, 1, 100.0, compared=False), Statistic(EFFORT, 2, 100.0)
+EXCESS = Statistic("event_excess", 0, 100.0, False, standing.without_interval(pd.Series.median))
+HARM = {
+    "worst [points]": Statistic(EFFORT, 1, 100.0, average=standing.without_interval(pd.Series.min)),
+    "harmed [% of events]": Statistic("harmed", 0, 100.0, False, share),
 }
-"""What a rule adds to `BASE`."""
+RULE_COLUMNS = {
+    "used [%]": USED,
+    "gain over alone [points]": GAIN,
+    **dict.fromkeys((WIDE_ROOM, "starts", "receptive stops", "blended stops"), GAIN),
+    **HARM,
+    "beyond the plan [%]": Statistic("over_delivery", 2, 100.0, False),
+    "Q over the least of its impulse [%, median]": EXCESS,
+    "Q over alone [kJ]": Statistic("damage"),
+    "slip over alone [axle s]": Statistic("slip_time"),
+    "time lost over alone [s]": Statistic("time_lost", 2),
+    "way lost over alone [m]": Statistic("distance_lost"),
+}
+CONTROLLER_COLUMNS = {
+    "used [%]": USED,
+    "over perturb-observe [points]": GAIN,
+    **dict.fromkeys(("starts", "receptive stops", "blended stops", "locomotives", NOISY), GAIN),
+    **HARM,
+    "Q [kJ]": Statistic("damage", 0, 1.0, False),
+    "slip [axle s]": Statistic("slip_time", 1, 1.0, False),
+    "jerk [m/s3]": Statistic("jerk_rms", 2, 1.0, False),
+    "locked [axle s]": Statistic("locked_time", 2, 1.0, False),
+}
+
+
+def _describe_part(runs: Runs, name: str, reference: str, columns: Columns, strata: Strata) -> Row:
+    """A line of a table; a column with the name of a stratum is over its events."""
+    harmed = find_gain(runs, name, reference) < -WORSE
+    numbers, base = runs[name].assign(harmed=harmed), runs[reference]
+    parts = {key: numbers.loc[strata[key]] if key in strata else numbers for key in columns}
+    texts = {key: column.text(parts[key], base) for key, column in columns.items()}
+    return {"events": len(harmed), **texts}
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Every rule under every controller: use of the bound, gain over `BASE` and where, worst case, costs."""
-    parts, lines = strata(rows), []
-    for law, rules in UNDER.items():
-        good = runs.complete(as_shipped(rows, "controller", law))
+    strata, lines = find_strata(rows), []
+    for controller, rules in UNDER.items():
+        runs = split_runs(rows, controller)
         for rule in rules:
-            own = runs.paired(good, law, rule, (BASE,))
-            gain = 100.0 * own["bound_use"] - 100.0 * own[f"bound_use_{BASE}"]
-            known = next((words for words, alike in TOLD_ALIKE.items() if rule in alike), "–")
-            line: Row = {"controller": law, "rule": rule, "told": known, "events": len(own)}
-            line["used [%]"] = mean(100.0 * own["bound_use"]).text(1)
-            line["gain over alone [points]"] = mean(gain).text(2, sign=True)
-            line |= _line(gain, parts, SHOWN)
-            line["beyond the plan [%]"] = mean(100.0 * own["over_delivery"]).text(2)
-            excess = 100.0 * own["event_excess"].median()
-            line["Q over the least of its impulse [%, median]"] = in_digits(excess, 0, False)
-            lines.append(line | means(own, COSTS, BASE))
+            kinds = [kind for kind, alike in INFORMATION.items() if rule in alike]
+            line: Row = {"controller": controller, "rule": rule, "told": (*kinds, "–")[0]}
+            lines.append(line | _describe_part(runs, rule, BASE, RULE_COLUMNS, strata))
     return pd.DataFrame(lines)
 
 
-def alone(rows: pd.DataFrame, metric: str = "bound_use") -> pd.DataFrame:
-    """As `used`, where units act alone, and with a column for each controller."""
-    own = runs.complete(as_shipped(rows, "rule", BASE))
-    return own.pivot(index="scenario", columns="controller", values=metric)
-
-
-SPENT: Numbers = {
-    "Q [kJ]": ("damage", 0, 1.0),
-    "slip [axle s]": ("slip_time", 1, 1.0),
-    "jerk [m/s3]": ("jerk_rms", 2, 1.0),
-    "locked [axle s]": ("locked_time", 2, 1.0),
-}
-"""What a controller costs."""
-
-
-def controllers(rows: pd.DataFrame) -> pd.DataFrame:
+def tabulate_controllers(rows: pd.DataFrame) -> pd.DataFrame:
     """Every controller where units act alone, the best first; gains are over perturb-observe."""
-    parts, every = strata(rows), 100.0 * alone(rows)
-    good = runs.complete(as_shipped(rows, "rule", BASE))
-    names = ("starts", "receptive stops", "blended stops", "locomotives", "noise above 0.05 km/h")
-    lines = []
-    for law in every.mean().sort_values(ascending=False).index:
-        own, gain = every[law], every[law] - every[SEARCH]
-        line: Row = {"controller": law, "events": len(own), "used [%]": mean(own).text(1)}
-        line["over perturb-observe [points]"] = mean(gain).text(2, sign=True)
-        line |= _line(gain, parts, names)
-        lines.append(line | means(good[good["controller"] == law], SPENT))
-    return pd.DataFrame(lines)
+    strata, runs = find_strata(rows), split_runs(rows, BASE)
+    return pd.DataFrame(
+        {"controller": name} | _describe_part(runs, name, SEARCH, CONTROLLER_COLUMNS, strata)
+        for name in sorted(runs, key=lambda name: -runs[name][EFFORT].mean())
+    )
 
 
-def front(rows: pd.DataFrame) -> pd.DataFrame:
+def tabulate_front(rows: pd.DataFrame) -> pd.DataFrame:
     """Bound used, wheel damage and jerk of controllers at values of their knobs, over the same events."""
     swept = set(rows.loc[rows["knob"].notna(), "scenario"])
-    own = runs.complete(rows[(rows["rule"] == BASE) & rows["scenario"].isin(swept)])
+    good = run_cell.complete(rows[(rows["rule"] == BASE) & rows["scenario"].isin(swept)])
     lines = []
-    for law, (knob, _) in KNOBS.items():
-        usual = CONTROLLERS[law].memory.columns[knob].default
-        for value, part in own[own["controller"] == law].fillna({"knob": usual}).groupby("knob"):
-            line = {"controller": law, "knob": knob, "value": float(value), "own": value == usual}
-            used, *costs = (part[name].mean() for name in ("bound_use", "damage", "jerk_rms"))
-            line |= {"events": len(part), "used [%]": 100.0 * used}
-            lines.append(line | dict(zip(("Q [kJ]", "jerk [m/s3]"), costs, strict=True)))
-    return pd.DataFrame(lines)
+    for name, (knob, _) in KNOBS.items():
+        usual = CONTROLLERS[name].memory.columns[knob].default
+        runs = good[good["controller"] == name].fillna({"knob": usual})
+        for value, part in runs.groupby("knob"):
+            used, damage, jerk = (part[metric].mean() for metric in (EFFORT, "damage", "jerk_rms"))
+            ships, events = value == usual, len(part)
+            lines.append((name, knob, float(value), ships, events, 100.0 * used, damage, jerk))
+    heads = "controller", "knob", "value", "own", "events", "used [%]", "Q [kJ]", "jerk [m/s3]"
+    return pd.DataFrame(lines, columns=list(heads))
 
 
-SAID = (
-    ("mpc", SEARCH, "this project"),
-    (SEARCH, "cut-and-ramp", "this project"),
-    (SEARCH, "pi-creep", "this project"),
-)
-"""Controllers that are said to be better than others, and who says so."""
+CLAIMED_BETTER = (("mpc", SEARCH), (SEARCH, "cut-and-ramp"), (SEARCH, "pi-creep"))
+"""Controllers of which this project says that one is better than the other."""
 
 
 def statements(rows: pd.DataFrame) -> list[Statement]:
     """That rules gain over units that share nothing, and what is said of controllers; one family."""
-    parts, claims = strata(rows), []
-    for law, rules in UNDER.items():
-        own = 100.0 * used(rows, law)
-        for rule in [one for one in rules if one not in (BASE, BOUND)]:
-            text = "uses more of the bound than alone [points]"
-            claims.append(Claim(f"{rule}, {law}", text, own[rule] - own[BASE], 0.0, digits=2,
-                                parts=_within(parts, own.index)))  # fmt: skip
-    own = 100.0 * alone(rows)
-    for name, other, source in SAID:
-        text = f"uses more of the bound than {other} ({source}) [points]"
-        claims.append(Claim(f"{name} over {other}", text, own[name] - own[other], 0.0, digits=2,
-                            parts=_within(parts, own.index)))  # fmt: skip
+    strata, claims = find_strata(rows), []
+
+    def add_claim(name: str, runs: Runs, part: str, reference: str, source: str = "") -> None:
+        text = f"uses more of the bound than {reference}{source} [points]"
+        gain = find_gain(runs, part, reference)
+        claims.append(Claim(name, text, gain, 0.0, digits=2, parts=strata))
+
+    for controller, rules in UNDER.items():
+        runs = split_runs(rows, controller)
+        for rule in [rule for rule in rules if rule not in (BASE, BOUND)]:
+            add_claim(f"{rule}, {controller}", runs, rule, BASE)
+    runs = split_runs(rows, BASE)
+    for better, worse in CLAIMED_BETTER:
+        add_claim(f"{better} over {worse}", runs, better, worse, " (this project)")
     return judge(claims)
 
 
@@ -306,125 +294,108 @@ def figure(rows: pd.DataFrame) -> "Figure":
     """Gain of each rule over `BASE` under each controller, and the fronts of the controllers."""
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=(WIDE, 5.6), layout="constrained")
-    above, below = drawn.subplots(2, 3, height_ratios=(3, 2))
-    parts = strata(rows)
-    for axes, law in zip(above, UNDER, strict=True):
-        own = 100.0 * used(rows, law)
-        (wide,) = _within(parts, own.index, SHOWN[:1]).values()
-        numbers: dict[str, list[Interval]] = {rule: [] for rule in SHARERS}
-        for rule in set(SHARERS) & set(UNDER[law]):
-            gain = own[rule] - own[BASE]
-            numbers[rule] = [mean(gain), mean(gain[wide])]
-        forest(axes, numbers, RULES, 0.0)
-        axes.set(title=f"under {law}", xlabel="gain over alone [points]")
+    figure = Figure(figsize=(WIDE, 5.6), layout="constrained")
+    above, below = figure.subplots(2, 3, height_ratios=(3, 2))
+    wide = find_strata(rows)[WIDE_ROOM]
+    for axes, controller in zip(above, UNDER, strict=True):
+        runs = split_runs(rows, controller)
+        gains = {rule: find_gain(runs, rule, BASE) for rule in SHARERS if rule in UNDER[controller]}
+        numbers = {rule: [mean(gain), mean(gain[wide])] for rule, gain in gains.items()}
+        draw_forest(axes, {rule: numbers.get(rule, []) for rule in SHARERS}, RULES, 0.0)
+        axes.set(title=f"under {controller}", xlabel="gain over alone [points]")
         axes.set_xscale("symlog", linthresh=1.0)
         axes.set_xticks([-10, -1, 0, 1], ["\N{MINUS SIGN}10", "\N{MINUS SIGN}1", "0", "1"])
         if axes is not above[0]:
             axes.set_yticklabels([])
-    points = front(rows)
+    points = tabulate_front(rows)
     for axes, cost in zip(below, ("Q [kJ]", "jerk [m/s3]"), strict=False):
-        for law, own in points.groupby("controller", sort=False):
-            look = CONTROLLERS[law]
-            style = {"marker": look.marker, "color": look.colour, "label": law}
-            axes.plot(own[cost], own["used [%]"], "-", **style)
+        for name, front in points.groupby("controller", sort=False):
+            look = CONTROLLERS[name]
+            style = {"marker": look.marker, "color": look.colour, "label": name}
+            axes.plot(front[cost], front["used [%]"], "-", **style)
         axes.set(xlabel=f"mean {cost}", ylabel="bound used [%]")
     below[2].axis("off")
     below[2].legend(*below[1].get_legend_handles_labels(), loc="center")
-    return drawn
+    return figure
 
 
 QUESTION = "How much of what rail and motors allow do rules and controllers use, and at what cost?"
-STUDY = Study(
-    "benchmark",
-    QUESTION,
-    cells,
-    run,
-    table,
-    figure,
-    statements,
-    events=population.EVENTS,
-    seed=population.SEED,
-    more_tables={"controllers": controllers, "front": front},
-)
+DRAWN = population.EVENTS, population.SEED
+FURTHER = {"controllers": tabulate_controllers, "front": tabulate_front}
+STUDY = Study("benchmark", QUESTION, cells, run, table, figure, statements, *DRAWN, FURTHER)
 
-# the place of a part of one's own
+# the place of a new part
 
 
-def named(rule: str, controller: str) -> tuple[str, str]:
-    """Which part of a pair is ranked, a controller where units act alone, and what it is compared with."""
+def compared_parts(rule: str, controller: str) -> tuple[str, str]:
+    """Which part of a pair is ranked, a controller where units act alone, and its reference."""
     return (controller, SEARCH) if rule == BASE else (rule, BASE)
 
 
-def _beside(
-    rows: pd.DataFrame, own: pd.DataFrame, rule: str, controller: str, metric: str = "bound_use"
-) -> tuple["pd.Series[float]", pd.DataFrame]:
-    """A metric of one's own pair, and that of the stored parts beside it over the same events."""
-    good = own[own["status"] == "ok"].set_index("scenario")[metric].astype("float32")
+def _join_runs(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> Runs:
+    """The runs of a new pair, by the name of its part, beside the stored ones over the same events."""
+    (name, reference), (rule, controller) = compared_parts(*pair), pair
+    good = new_rows[new_rows["status"] == "ok"].set_index("scenario")
     same = rows[rows["scenario"].isin(good.index)]
-    others = alone(same, metric) if rule == BASE else used(same, controller, metric)
-    return good[others.index], others
+    runs = split_runs(same, BASE if rule == BASE else controller)
+    numbers = good.loc[runs[reference].index, [EFFORT, "over_delivery"]].astype("float32")
+    return {**runs, name: numbers}
 
 
-def places(rows: pd.DataFrame, own: pd.DataFrame, rule: str, controller: str) -> pd.DataFrame:
-    """One's `own` pair of `rule` and `controller` among those stored, a row for each part, the best first.
+def tabulate_places(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> pd.DataFrame:
+    """A new pair of rule and controller among those stored, a row for each part, the best first.
 
-    `used` [%]; `less`, by how much one's own is ahead [points], with its interval; `tied` where they cannot be told apart;
-    `mark`, see `told`.
+    `used` [%]; `less`, by how much the new part is ahead [points], with its interval; `tied` where that may be nothing;
+    `mark`, see `MARKS`.
     """
-    (mine, others), (own_over, over) = (
-        _beside(rows, own, rule, controller, metric) for metric in ("bound_use", "over_delivery")
-    )
-    name, _ = named(rule, controller)
-    found, lines = {**others, name: mine}, []
-    for one, values in found.items():
-        less, beyond = mean(100.0 * (mine - values)), own_over if one == name else over[one]
-        lines.append({
-            "name": one, "used": 100.0 * float(values.mean()), "less": less.value, "low": less.low, "high": less.high,
-            "tied": less.tied(100.0 * NEGLIGIBLE), "mark": mark_of(one, beyond.mean()),
-        })  # fmt: skip
-    made = pd.DataFrame(lines).sort_values("used", ascending=False, kind="stable")
-    return made.reset_index(drop=True)
-
-
-def gains(rows: pd.DataFrame, own: pd.DataFrame, rule: str, controller: str) -> pd.DataFrame:
-    """Gain of one's own over what it is compared with, see `named`, by parts of the events: mean with interval [points],
-    worst case, share of events harmed."""
-    mine, others = _beside(rows, own, rule, controller)
-    gain = 100.0 * (mine - others[named(rule, controller)[1]])
+    (name, _), runs = compared_parts(*pair), _join_runs(rows, new_rows, pair)
     lines = []
-    for words, true in {"all": gain.notna(), **_within(strata(rows), gain.index)}.items():
-        some = gain[true]
-        found, harmed = mean(some), share(some < -WORSE)
-        lines.append({
-            "events": words, "number": len(some), "gain": found.value, "low": found.low, "high": found.high,
-            "worst": some.min(), "harmed": harmed.value,
-        })  # fmt: skip
-    return pd.DataFrame(lines)
+    for part, values in runs.items():
+        lead, used = mean(find_gain(runs, name, part)), 100.0 * float(values[EFFORT].mean())
+        tied, mark = (
+            lead.tied(100.0 * standing.NEGLIGIBLE),
+            standing.find_mark(part, values["over_delivery"].mean()),
+        )
+        lines.append((part, used, *lead[:3], tied, mark))
+    heads = ["name", "used", "less", "low", "high", "tied", "mark"]
+    places = pd.DataFrame(lines, columns=heads)
+    return places.sort_values("used", ascending=False, kind="stable", ignore_index=True)
 
 
-def own_study(rule: str, controller: str) -> Study:
-    """The runs of one pair on the population, and its place among the stored ones. Raises `StudyError`: see `stored`."""
+def tabulate_gains(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> pd.DataFrame:
+    """Gain of the new part over its reference, see `compared_parts`, by parts of the events: mean with interval
+    [points], worst case, share of events harmed."""
+    gain, lines = find_gain(_join_runs(rows, new_rows, pair), *compared_parts(*pair)), []
+    for stratum, true in {"all": gain.notna(), **find_strata(rows)}.items():
+        part = gain[true]
+        harmed = share(part < -WORSE).value
+        lines.append((stratum, len(part), *mean(part)[:3], part.min(), harmed))
+    heads = ["events", "number", "gain", "low", "high", "worst", "harmed"]
+    return pd.DataFrame(lines, columns=heads)
 
-    def own_cells(events: int, seed: int) -> list[Cell]:
+
+def rank_study(rule: str, controller: str) -> Study:
+    """The runs of a pair on the population, and its place among the stored ones. Raises `StudyError`: see `read_stored`."""
+
+    def pair_cells(events: int, seed: int) -> list[Cell]:
         if events > population.EVENTS:
             raise StudyError(f"events = {events}: rows of {population.EVENTS} are stored")
-        return [_cell(population.event(seed, k), rule, controller, k) for k in range(events)]
+        return [_make_cell(population.event(seed, k), rule, controller, k) for k in range(events)]
 
-    rows = stored()
+    rows, pair = read_stored(), (rule, controller)
     return replace(
         STUDY,
         name=f"rank-{rule}-{controller}",
-        question=f"where {named(rule, controller)[0]} stands among all",
-        cells=own_cells,
-        table=lambda own: places(rows, own, rule, controller),
+        question=f"where {compared_parts(rule, controller)[0]} stands among all",
+        cells=pair_cells,
+        table=lambda new_rows: tabulate_places(rows, new_rows, pair),
         figure=None,
         statements=None,
-        more_tables={"gains": lambda own: gains(rows, own, rule, controller)},
+        more_tables={"gains": lambda new_rows: tabulate_gains(rows, new_rows, pair)},
     )
 
 
-def pairs_of(part: str, under: str) -> list[tuple[str, str]]:
+def find_pairs(part: str, under: str) -> list[Pair]:
     """Pairs of rule and controller that rank the parts of a file, or the part of this name; rules run `under` a controller.
 
     Raises `InputError` for a part that does not exist or does not work, and a controller of which no rules are stored.
@@ -434,39 +405,37 @@ def pairs_of(part: str, under: str) -> list[tuple[str, str]]:
     names = [part]
     if part.endswith(".py"):
         (module,) = load_plugins([part])
-        names = [one for registry in (RULES, CONTROLLERS) for one in registry
-                 if registry.origin(one) == module.__name__]  # fmt: skip
+        registered = [(registry, name) for registry in (RULES, CONTROLLERS) for name in registry]
+        names = [name for registry, name in registered if registry.origin(name) == module.__name__]
         if not names:
             raise StudyError(f"{part}: it registers no rule and no controller")
-    found = [(BASE, one) if one in CONTROLLERS else (RULES.find(one).name, under) for one in names]
-    try_own_parts(*zip(*found, strict=True))
-    return found
+    rules = [name for name in names if name not in CONTROLLERS]
+    pairs = [(RULES.find(name).name, under) if name in rules else (BASE, name) for name in names]
+    try_own_parts(*zip(*pairs, strict=True))
+    return pairs
 
 
-def told(pair: tuple[str, str], tables: Mapping[str, pd.DataFrame]) -> Sequence[str]:
-    """The tables of `own_study`, for a terminal of 80 columns."""
-    (name, reference), (places, gains) = named(*pair), tables.values()
+def format_rank(pair: Pair, tables: Mapping[str, pd.DataFrame]) -> list[str]:
+    """The tables of `rank_study`, for a terminal of 80 columns."""
+    (name, reference), (places, gains) = compared_parts(*pair), tables.values()
     under = "where units act alone" if pair[0] == BASE else f"under {pair[1]}"
-    said = [f"{name} {under}"]
-    place = 0
-    said += [f"{'place':>5}  {'':16} {'used %':>7}  {name + ' less it [95 %]':>24}"]
-    for one in places.itertuples():
-        place += one.mark == ""
-        shown = "" if one.mark else f"{place}{'=' if one.tied else ''}"
-        found = Interval(one.less, one.low, one.high, gains["number"].max())
-        less = "" if one.name == name else found.text(2, sign=True)
-        own = ">" if one.name == name else " "
-        said.append(f"{own}{shown:>4}  {one.name + one.mark:16} {one.used:7.1f}  {less:>24}")
-    said += ["", f"{name} less {reference}:"]
-    said.append(f"  {'events':28}  {'points [95 %]':>22} {'worst':>6} {'harmed %':>10}")
-    for one in gains.itertuples():
-        harmed = in_digits(100.0 * one.harmed, 0, False) if one.number else ""
-        worst = in_digits(one.worst, 1, True) if one.number else ""
-        gain = Interval(one.gain, one.low, one.high, one.number).text(2, sign=True)
-        said.append(f"  {one.events:24}{one.number:>4}  {gain:>22} {worst:>6} {harmed:>10}")
-    said += meanings(said, {
-        "=": f"= cannot be told from {name}: the interval holds 0, or less than {100 * NEGLIGIBLE:g} points",
-        "°": "° knows the rail, as nobody on board can; has no place",
-        "*": f"* delivers more than {MOST_OVER:.0%} beyond the plan; has no place",
-    })  # fmt: skip
-    return [*said, f"harmed: loses more than {WORSE:g} points"]
+    head, count = ("place", "", "used %", f"{name} less it [95 %]"), 0
+    rows: list[tuple[str, ...]] = [head]
+    for place in places.itertuples():
+        count += place.mark == ""
+        rank = "" if place.mark else f"{count}{'=' if place.tied else ''}"
+        lead = Interval(place.less, place.low, place.high, gains["number"].max())
+        less, arrow = ("", ">") if place.name == name else (lead.text(2, sign=True), " ")
+        rows.append((f"{arrow}{rank:>4}", place.name + place.mark, f"{place.used:.1f}", less))
+    lines = [f"{name} {under}", *standing.align_columns(rows, left=2)]
+    rows = [("  events", "", "points [95 %]", "worst", "harmed %")]
+    for part in gains.itertuples():
+        gain = Interval(part.gain, part.low, part.high, part.number).text(2, sign=True)
+        worst = in_digits(part.worst, 1, True) if part.number else ""
+        harmed = in_digits(100.0 * part.harmed, 0, False) if part.number else ""
+        rows.append((f"  {part.events}", str(part.number), gain, worst, harmed))
+    lines += ["", f"{name} less {reference}:", *standing.align_columns(rows)]
+    little = f"the interval holds 0, or less than {100 * standing.NEGLIGIBLE:g} points"
+    no_place = {mark: f"{meaning}; has no place" for mark, meaning in standing.MARKS.items()}
+    lines += standing.list_marks(lines, {"=": f"cannot be told from {name}: {little}", **no_place})
+    return [*lines, f"harmed: loses more than {WORSE:g} points"]

@@ -24,7 +24,8 @@ from studies.files.scenario_files import load_scenario
 from studies.population import draws as e
 from studies.run_cell import complete, paired, run
 from studies.runner.study import NARROW, Cell, Study
-from studies.statistics import Claim, Statement, forest, judge
+from studies.standing import Statistic
+from studies.statistics import Claim, Statement, draw_forest, judge
 
 COMPARED = ("alone", *claims.PRIOR_ART, *LAYERS)
 AS_PRINTED: e.Arms = {
@@ -55,7 +56,7 @@ class Kind(NamedTuple):
     """Of a car [t]."""
     speed: tuple[float, float]
     """[km/h]"""
-    asked: tuple[float, float]
+    deceleration: tuple[float, float]
     """Deceleration of a service stop and of an emergency stop [km/h/s]."""
 
 
@@ -117,7 +118,7 @@ def draw(seed: int, k: int) -> e.Keys:
 
 
 @cache
-def train_of(name: str) -> Train:
+def empty_train(name: str) -> Train:
     """Empty."""
     return (
         load_scenario("wet-stop").changed(variation=None, **DRAWN_TRAINS[name].keys).event().train
@@ -127,14 +128,14 @@ def train_of(name: str) -> Train:
 def event(seed: int, k: int) -> Scenario:
     """Stop `k`."""
     d = draw(seed, k)
-    kind, train = DRAWN_TRAINS[d["train"]], train_of(d["train"])
-    asked = _between(kind.asked, d["deceleration"]) / 3.6
-    speed = d["end_kmh"] or _between(kind.speed, d["speed"])
-    offered = max(LEAST_LEVEL, d["share"] * asked / GRAVITY)
+    kind, train = DRAWN_TRAINS[d["train"]], empty_train(d["train"])
+    deceleration = _interpolate(kind.deceleration, d["deceleration"]) / 3.6
+    speed = d["end_kmh"] or _interpolate(kind.speed, d["speed"])
+    offered = max(LEAST_LEVEL, d["share"] * deceleration / GRAVITY)
     drop = e.spell(d["drop_factor"], ROLLING + d["drop_begin_s"], d["drop_length_s"], 0.3)
     rail = e.rail_keys(e.curve_keys(d["curve"], d), offered, train, REFERENCE_SPEED)
     rail |= {
-        "increments": _grown(d["growth"] * rail["level"], train),
+        "increments": _growth(d["growth"] * rail["level"], train),
         "conditioning": d["conditioning"],
         "scatter": d["scatter_share"] * rail["level"],
         "scatter_length_m": 20.0,
@@ -142,7 +143,8 @@ def event(seed: int, k: int) -> Scenario:
     }
     onboard = e.signal_keys(d) | {"braking": {"slide_protection": {"law": d["law"]}}}
     factors = ("mass_factor", "resistance_factor")
-    believed = {"curve": {"kind": CURVES[0]}, "increments": _grown(asked / GRAVITY, train)}
+    increments = _growth(deceleration / GRAVITY, train)
+    believed = {"curve": {"kind": CURVES[0]}, "increments": increments}
     return e.drawn_event(
         load_scenario("wet-stop"),
         f"blended-{seed}-{k:04d}",
@@ -154,7 +156,7 @@ def event(seed: int, k: int) -> Scenario:
         load_t=[e.drop_tiny("_t", d["load"] * kind.most_load)] * len(train.cars),
         rail=rail,
         onboard=onboard,
-        command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * asked}],
+        command=[{"time_s": ROLLING, "acceleration_kmhs": -3.6 * deceleration}],
         failures=e.failure_keys(d, rows_of_train(train).drives.size, ROLLING),
         receptivity=e.receptivity_keys(d),
         belief=believed | {name: d[name] for name in factors},
@@ -162,11 +164,11 @@ def event(seed: int, k: int) -> Scenario:
     )
 
 
-def _between(limits: tuple[float, float], share: float) -> float:
+def _interpolate(limits: tuple[float, float], share: float) -> float:
     return limits[0] + share * (limits[1] - limits[0])
 
 
-def _grown(level: float, train: Train) -> e.Keys:
+def _growth(level: float, train: Train) -> e.Keys:
     """Growth in proportion to `level`, 0 on the mean of the axles."""
     slope = SLOPE * level
     mean_log = float(np.log(np.arange(1.0, train.axle_count + 1.0)).mean())
@@ -175,12 +177,12 @@ def _grown(level: float, train: Train) -> e.Keys:
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Every stop under every rule, arm and controller, the same day."""
-    found = []
+    cells = []
     for k in range(events):
-        one, d = event(seed, k), draw(seed, k)
+        stop, d = event(seed, k), draw(seed, k)
         drawn = {name: d[name] for name in ("train", "curve")}
-        found += claims.arms(one, COMPARED, ARMS, d["day"], claims.slips, **drawn)
-    return found
+        cells += claims.make_arms(stop, COMPARED, ARMS, d["day"], claims.count_slips, **drawn)
+    return cells
 
 
 # what is claimed; all thresholds are zero, and were set before the stops were drawn
@@ -190,51 +192,53 @@ WORTH = 0.01
 """Headroom over the plan that is worth sharing."""
 
 
-def stops(rows: pd.DataFrame, controller: str, rule: str, others: Iterable[str]) -> pd.DataFrame:
+def select_stops(
+    rows: pd.DataFrame, controller: str, rule: str, bases: Iterable[str]
+) -> pd.DataFrame:
     """One row per stop in which a unit slides under alone: only these call for the patent."""
-    own = paired(rows, controller, rule, dict.fromkeys((*others, "alone")))
-    return own[own["slipping_units_alone"] >= 1]
+    runs = paired(rows, controller, rule, dict.fromkeys((*bases, "alone")))
+    return runs[runs["slipping_units_alone"] >= 1]
 
 
 def statements(rows: pd.DataFrame) -> list[Statement]:
     """Every rule over alone and every layer over dynamic sharing, a family of 24; and the deviations, one of ten."""
-    good, found = complete(rows), []
+    good, gains = complete(rows), []
     pairs = [*((rule, "alone") for rule in COMPARED[1:]), *((rule, "sharing") for rule in LAYERS)]
-    for law, (rule, other) in product(CONTROLLERS, pairs):
-        own = stops(good, law, rule, (other,))
-        wide = own["headroom_alone"] > WORTH
+    for controller, (rule, reference) in product(CONTROLLERS, pairs):
+        runs = select_stops(good, controller, rule, (reference,))
+        wide = runs["headroom_alone"] > WORTH
         parts = {"headroom above 1 % of the plan": wide, "headroom up to 1 %": ~wide}
-        gain = 100.0 * (own[GAIN] - own[f"{GAIN}_{other}"])
-        text = f"decelerates more than {other}: deceleration [points of plan]"
-        name = f"{rule} over {other} under {law}"
-        found.append(Claim(name, text, gain, least=0.0, parts=parts, digits=2))
-    return judge(found) + judge(claims.deviations(AS_PRINTED, partial(stops, good)))
+        gain = 100.0 * (runs[GAIN] - runs[f"{GAIN}_{reference}"])
+        text = f"decelerates more than {reference}: deceleration [points of plan]"
+        name = f"{rule} over {reference} under {controller}"
+        gains.append(Claim(name, text, gain, least=0.0, parts=parts, digits=2))
+    return judge(gains) + judge(claims.claim_deviations(AS_PRINTED, partial(select_stops, good)))
 
 
-COSTS = {name: one for name, one in claims.LESS.items() if "bound" not in name}
-LESS = {"deceleration [points of plan]": (GAIN, 2, 100.0), **COSTS}
+COSTS = {name: column for name, column in claims.COLUMNS.items() if "bound" not in name}
+COLUMNS = {"deceleration [points of plan]": Statistic(GAIN, 2, 100.0), **COSTS}
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """What each rule adds to alone, with the verdict on it, and each deviation to the corrected patent."""
-    pair, arms = partial(stops, complete(rows)), claims.compared(COMPARED, ARMS)
+    pair, arms = partial(select_stops, complete(rows)), claims.list_compared(COMPARED, ARMS)
     verdict = "decelerates more", "{} over {} under {}", statements(rows)
-    return claims.table_of(arms, pair, {}, LESS, verdict)
+    return claims.tabulate_pairs(arms, pair, COLUMNS, verdict)
 
 
 def figure(rows: pd.DataFrame) -> Figure:
     """Every rule over alone."""
     drawn = Figure(figsize=(NARROW, 2.4), layout="constrained")
-    axes, found = drawn.subplots(), {one.claim.name: one.number for one in statements(rows)}
+    axes, judged = drawn.subplots(), statements(rows)
+    numbers = {statement.claim.name: statement.number for statement in judged}
     names = {
-        rule: [f"{rule} over alone under {law}" for law in CONTROLLERS] for rule in COMPARED[1:]
+        rule: [f"{rule} over alone under {name}" for name in CONTROLLERS] for rule in COMPARED[1:]
     }
-    forest(axes, {rule: [found[one] for one in pair] for rule, pair in names.items()}, RULES, 0.0)
+    pairs = {rule: [numbers[name] for name in pair] for rule, pair in names.items()}
+    draw_forest(axes, pairs, RULES, 0.0)
     axes.set(title=claims.MARKERS, xlabel="deceleration over alone [points of plan]")
     return drawn
 
 
-QUESTION = (
-    "Does redistribution by JP5484215 improve the deceleration of drawn blended stops (claim 3)?"
-)
+QUESTION = "Does redistribution by JP5484215 improve deceleration in drawn blended stops (claim 3)?"
 STUDY = Study("braking", QUESTION, cells, run, table, figure, statements, events=120, seed=90)

@@ -21,7 +21,8 @@ from studies.files.scenario_files import load_scenario
 from studies.population import draws as e
 from studies.run_cell import Measure, cell, complete, paired, run
 from studies.runner.study import WIDE, Cell, Row, Study
-from studies.statistics import Claim, Numbers, Statement, forest, judge, means
+from studies.standing import Columns, Statistic
+from studies.statistics import Claim, Statement, draw_forest, judge
 
 CONTROLLERS = ("cut-and-ramp", "perturb-observe")
 """One waits for a slip signal, one limits torque without any; rules differ in what they need to act."""
@@ -44,16 +45,16 @@ AS_PRINTED: e.Arms = {
 """Deviation of the equipment that is taken back -> its keys; a start asks neither of (18). `PRINTED` has all of them."""
 
 
-def _detector(on: float, **keys: float) -> e.Keys:
+def _make_detector(on: float, **keys: float) -> e.Keys:
     """A detector whose signal is on above `on` [m/s2] and off at half of it."""
     return {"detector": {"on_kmhs": 3.6 * on, "off_kmhs": 1.8 * on} | keys}
 
 
 SETTINGS: e.Arms = {
-    "a 1.1 m/s²": _detector(1.1),
-    "a 2.5 m/s²": _detector(2.5),
+    "a 1.1 m/s²": _make_detector(1.1),
+    "a 2.5 m/s²": _make_detector(2.5),
     "pole 10/s": {"detector": {"pole_per_s": 10.0}},
-    "a 1.1 m/s², pole 10/s": _detector(1.1, pole_per_s=10.0),
+    "a 1.1 m/s², pole 10/s": _make_detector(1.1, pole_per_s=10.0),
     "hold 2 s": {"hold_time_s": 2.0},
     "hold 10 s": {"hold_time_s": 10.0},
 }
@@ -103,7 +104,7 @@ def event(seed: int, k: int) -> Scenario:
     d = draw(seed, k)
     rail = e.level_keys(d["level"], d["speed_law"]) | {
         "speed_law": d["speed_law"],
-        "increments": _growth(d["slope"]),
+        "increments": _make_growth(d["slope"]),
         "scatter": d["scatter"],
         "scatter_length_m": 20.0,
         "patches": e.patch_keys(d),
@@ -117,25 +118,25 @@ def event(seed: int, k: int) -> Scenario:
         onboard=e.signal_keys(d),
         load_t=e.car_loads(d, CARS),
         line=e.line_keys(d),
-        belief={"increments": _growth(BELIEVED)},
+        belief={"increments": _make_growth(BELIEVED)},
     )
 
 
-def _growth(slope: float) -> e.Keys:
+def _make_growth(slope: float) -> e.Keys:
     return {"law": "logarithmic", "slope": slope, "offset": OFFSET * slope}
 
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Every event under every rule, arm and controller; its number is the seed of all of them."""
-    found = []
+    cells = []
     for k in range(events):
-        one, drawn = event(seed, k), draw(seed, k)
-        found += arms(one, COMPARED, ARMS, k, measure, **drawn)
-    return found
+        scenario, drawn = event(seed, k), draw(seed, k)
+        cells += make_arms(scenario, COMPARED, ARMS, k, measure, **drawn)
+    return cells
 
 
-def arms(
-    one: Scenario,
+def make_arms(
+    scenario: Scenario,
     rules: Sequence[str],
     changed: Mapping[str, e.Arms],
     seed: int,
@@ -143,27 +144,27 @@ def arms(
     **drawn: object,
 ) -> list[Cell]:
     """An event under every rule, and under those that are `changed` by each of their arms."""
-    found = list[Cell]()
-    for law in CONTROLLERS:
-        made = {rule: cell(one, rule, law, seed, measure, **drawn) for rule in rules}
-        found += made.values()
-        found += [
-            changed_by(made[rule], arm, keys)
-            for rule, own in changed.items()
-            for arm, keys in own.items()
+    cells = list[Cell]()
+    for controller in CONTROLLERS:
+        by_rule = {rule: cell(scenario, rule, controller, seed, measure, **drawn) for rule in rules}
+        cells += by_rule.values()
+        cells += [
+            change_cell(by_rule[rule], arm, keys)
+            for rule, changes in changed.items()
+            for arm, keys in changes.items()
         ]
-    return found
+    return cells
 
 
-def changed_by(made: Cell, arm: str, keys: e.Keys) -> Cell:
+def change_cell(cell: Cell, arm: str, keys: e.Keys) -> Cell:
     """The same run by a train whose equipment has these `keys` beside its own, those of a table beside that table's;
     `arm` is its rule in the rows."""
-    one, *others = made.args
-    own = one.onboard.model_dump(mode="json", exclude_unset=True)
-    tables = {key: own.get(key, {}) | new for key, new in keys.items() if isinstance(new, dict)}
-    changed = one.changed(onboard=own | keys | tables)
-    columns = {**made.columns, "rule": arm}
-    return made._replace(name=f"{made.name}, {arm}", args=(changed, *others), columns=columns)
+    scenario, *rest = cell.args
+    onboard = scenario.onboard.model_dump(mode="json", exclude_unset=True)
+    tables = {key: onboard.get(key, {}) | new for key, new in keys.items() if isinstance(new, dict)}
+    variant = scenario.changed(onboard=onboard | keys | tables)
+    columns = {**cell.columns, "rule": arm}
+    return cell._replace(name=f"{cell.name}, {arm}", args=(variant, *rest), columns=columns)
 
 
 # what is measured
@@ -174,12 +175,12 @@ SOMEWHAT = 0.15
 """Excess over the adhesion up to which a limit is somewhat too high; the patent's 0.012 of scatter is 8 % of 0.15."""
 
 
-def slips(found: xr.Dataset) -> Row:
+def count_slips(run: xr.Dataset) -> Row:
     """Number of units that detect slip."""
-    return {"slipping_units": int((series(found, "detected")[-1] >= 0.0).sum())}
+    return {"slipping_units": int((series(run, "detected")[-1] >= 0.0).sum())}
 
 
-def measure(found: xr.Dataset) -> Row:
+def measure(run: xr.Dataset) -> Row:
     """Numbers of a run beside the metrics, from `SETTLING` on.
 
     - effort: force of the driven axles over what the plan asks of them.
@@ -189,22 +190,22 @@ def measure(found: xr.Dataset) -> Row:
     - over_use, over_time [s]: adhesion used under a rule's limit that is somewhat too high, and unit seconds there;
       quiet_use, quiet_time: the same of units that never detect slip.
     """
-    time, command = series(found, "time"), series(found, "driver_command")
+    time, command = series(run, "time"), series(run, "driver_command")
     counted = (command != 0.0) & (time >= time[int(np.argmax(command != 0.0))] + SETTLING)
-    unit = series(found, "axle_unit")
-    member = (unit[:, None] == np.arange(found.sizes["unit"])).astype(float)
-    force = (np.sign(command)[:, None] * series(found, "rail_force"))[counted] @ member
-    load = series(found, "axle_load")[counted] @ member
-    rail = series(found, "adhesion_limit")[counted]
-    available = (rail * series(found, "axle_load")[counted]) @ member
+    unit = series(run, "axle_unit")
+    member = (unit[:, None] == np.arange(run.sizes["unit"])).astype(float)
+    force = (np.sign(command)[:, None] * series(run, "rail_force"))[counted] @ member
+    load = series(run, "axle_load")[counted] @ member
+    rail = series(run, "adhesion_limit")[counted]
+    available = (rail * series(run, "axle_load")[counted]) @ member
     adhesion = rail @ (member / member.sum(axis=0))
-    planned, limit = series(found, "planned_coefficient")[counted], series(found, "limit")[counted]
+    planned, limit = (series(run, name)[counted] for name in ("planned_coefficient", "limit"))
     reach = available.sum(axis=1) / load.sum(axis=1) / planned
     excess = limit / adhesion - 1.0
-    ruled = (series(found, "case")[counted] > 0.0)[:, None]
+    ruled = (series(run, "case")[counted] > 0.0)[:, None]
     over = (excess > 0.0) & (excess <= SOMEWHAT) & ruled
-    quiet = over & (series(found, "detected")[-1] < 0.0)
-    row = slips(found)
+    quiet = over & (series(run, "detected")[-1] < 0.0)
+    row = count_slips(run)
     for name, where in (("over", over), ("quiet", quiet)):
         used = force[where].sum() / available[where].sum() if where.any() else np.nan
         row |= {f"{name}_use": float(used), f"{name}_time": float(time[1] - time[0]) * where.sum()}
@@ -228,56 +229,56 @@ LEAST_TIME, UNFIT = 1.0, 0.05
 """Unit seconds under a limit too high that say anything of it; share of them from which the preset does not fit the rail."""
 
 
-def claims_of(own: pd.DataFrame) -> list[Claim]:
+def make_claims(runs: pd.DataFrame) -> list[Claim]:
     """The five claims about a rule, and what par. 0059 adds to (c), over events that have its numbers and those of `OTHERS`.
 
     Case A: adhesion allows the train less than the plan for 95 % of the time; case B: it allows the plan for as long.
     """
-    slope, tilt = own["slope"] / BELIEVED, own["tilt"]
-    case_a, case_b = own["reach_high_oracle"] <= 1.0, own["reach_low_oracle"] >= 1.0
+    slope, tilt = runs["slope"] / BELIEVED, runs["tilt"]
+    case_a, case_b = runs["reach_high_oracle"] <= 1.0, runs["reach_low_oracle"] >= 1.0
     parts = {
-        **{season: own["season"] == season for season in LEVELS},
+        **{season: runs["season"] == season for season in LEVELS},
         "growth along the train much below belief": slope < 0.67,
         "growth along the train about as believed": slope.between(0.67, 1.33),
         "growth along the train much above belief": slope > 1.33,
-        "little scatter": own["scatter"] < 0.006,
-        "much scatter": own["scatter"] >= 0.006,
-        "uniform rail": own["patch_factor"] == 1.0,
-        "a patch": own["patch_factor"] < 1.0,
-        "adhesion independent of speed": own["speed_law"] == "none",
-        "adhesion falling with speed": own["speed_law"] != "none",
+        "little scatter": runs["scatter"] < 0.006,
+        "much scatter": runs["scatter"] >= 0.006,
+        "uniform rail": runs["patch_factor"] == 1.0,
+        "a patch": runs["patch_factor"] < 1.0,
+        "adhesion independent of speed": runs["speed_law"] == "none",
+        "adhesion falling with speed": runs["speed_law"] != "none",
         "heavier front": tilt < -0.25,
         "even load": tilt.between(-0.25, 0.25),
         "heavier rear": tilt > 0.25,
-        "level line": own["grade_permille"] == 0.0,
-        "a gradient": own["grade_permille"] > 0.0,
+        "level line": runs["grade_permille"] == 0.0,
+        "a gradient": runs["grade_permille"] > 0.0,
     }
 
-    def less(name: str, other: str, only: "pd.Series[bool]") -> "pd.Series[float]":
-        return (own[name] - own[f"{name}_{other}"]).where(only)
+    def excess(name: str, reference: str, only: "pd.Series[bool]") -> "pd.Series[float]":
+        return (runs[name] - runs[f"{name}_{reference}"]).where(only)
 
-    short = case_b & (own["effort_alone"] <= REACHED / 100.0)
-    slipped, unfit = own["slipping_units_alone"] >= 1, own["over_share_preset"] >= UNFIT
-    effort, more = 100.0 * own["effort"].clip(upper=1.0), 100.0 * less("effort", "alone", short)
-    peak, slip = less("jerk_peak", "sharing", slipped), less("slip_time", "preset", unfit)
+    short = case_b & (runs["effort_alone"] <= REACHED / 100.0)
+    slipped, unfit = runs["slipping_units_alone"] >= 1, runs["over_share_preset"] >= UNFIT
+    effort, more = 100.0 * runs["effort"].clip(upper=1.0), 100.0 * excess("effort", "alone", short)
+    peak, slip = excess("jerk_peak", "sharing", slipped), excess("slip_time", "preset", unfit)
     return [
         Claim("a", "reaches the plan where alone does not and the train could: effort [%]",
               effort.where(short), least=REACHED, parts=parts, digits=1,
               besides=[Claim("", "effort over alone [points]", more, least=0.0, digits=1)]),
         Claim("b", "in case A every unit works at about its bound: least use [%]",
-              100.0 * own["use_low"].where(case_a), least=ABOUT_BOUND, parts=parts, digits=1),
+              100.0 * runs["use_low"].where(case_a), least=ABOUT_BOUND, parts=parts, digits=1),
         Claim("c", "uses about 95 % under a cap somewhat too high: use [%]",
-              100.0 * own["over_use"].where(own["over_time"] >= LEAST_TIME),
+              100.0 * runs["over_use"].where(runs["over_time"] >= LEAST_TIME),
               least=ABOUT_95, parts=parts, digits=1),
         Claim("d", "better ride than dynamic sharing: jerk rms less [m/s³]",
-              less("jerk_rms", "sharing", slipped), most=0.0, parts=parts, digits=4,
+              excess("jerk_rms", "sharing", slipped), most=0.0, parts=parts, digits=4,
               besides=[Claim("", "jerk peak [m/s³]", peak, most=0.0, digits=4)]),
         Claim("e", "more effort than an unfit preset pattern: effort less [points]",
-              100.0 * less("effort", "preset", unfit), least=0.0, digits=1,
+              100.0 * excess("effort", "preset", unfit), least=0.0, digits=1,
               parts=parts | {"case A": case_a, "case B": case_b},
               besides=[Claim("", "slip [axle s]", slip, most=0.0, digits=1)]),
         Claim("c, no slip", "more than 95 % where no slip is detected: use [%]",
-              100.0 * own["quiet_use"].where(own["quiet_time"] >= LEAST_TIME), least=QUIET, parts=parts, digits=1),
+              100.0 * runs["quiet_use"].where(runs["quiet_time"] >= LEAST_TIME), least=QUIET, parts=parts, digits=1),
     ]  # fmt: skip
 
 
@@ -285,82 +286,88 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
     """One per claim, layer and controller, a family of fifty; one per deviation and controller, of six; and a third of
     what par. 0059 adds to (c), and of (a) by setting."""
     good, drawn = complete(rows), tuple(draw(0, 0))
-    claims, others = [], []
-    for law, rule in product(CONTROLLERS, (*LAYERS, *SETTINGS)):
-        of_rule = claims_of(paired(good, law, rule, OTHERS, drawn))
-        of_rule = [one._replace(name=f"{one.name}: {rule} under {law}") for one in of_rule]
+    claims, further = [], []
+    for controller, rule in product(CONTROLLERS, (*LAYERS, *SETTINGS)):
+        of_rule = make_claims(paired(good, controller, rule, OTHERS, drawn))
+        pair = f"{rule} under {controller}"
+        of_rule = [claim._replace(name=f"{claim.name}: {pair}") for claim in of_rule]
         claims += of_rule[:5] if rule in LAYERS else []
-        others.append(of_rule[5 if rule in LAYERS else 0])
-    return judge(claims) + judge(deviations(AS_PRINTED, partial(paired, good))) + judge(others)
+        further.append(of_rule[5 if rule in LAYERS else 0])
+    costs = claim_deviations(AS_PRINTED, partial(paired, good))
+    return judge(claims) + judge(costs) + judge(further)
 
 
 Pair = Callable[[str, str, Iterable[str]], pd.DataFrame]
 """Events by a controller, a rule or an arm, and others that it is compared with."""
 
 
-def deviations(arms: Iterable[str], pair: Pair) -> list[Claim]:
+def claim_deviations(arms: Iterable[str], pair: Pair) -> list[Claim]:
     """That each deviation taken back, and all of them, cost effort."""
-    found = []
-    for law, arm in product(CONTROLLERS, (*arms, PRINTED)):
-        own = pair(law, arm, (CORRECTED,))
-        lost = 100.0 * (own["bound_use"] - own[f"bound_use_{CORRECTED}"])
+    claims = []
+    for controller, arm in product(CONTROLLERS, (*arms, PRINTED)):
+        runs = pair(controller, arm, (CORRECTED,))
+        lost = 100.0 * (runs["bound_use"] - runs[f"bound_use_{CORRECTED}"])
         text = f"uses less of the bound than {CORRECTED}: bound used [points]"
-        found.append(Claim(f"{arm} under {law}", text, lost, most=0.0, digits=2))
-    return found
+        claims.append(Claim(f"{arm} under {controller}", text, lost, most=0.0, digits=2))
+    return claims
 
 
-LESS: Numbers = {
-    "bound used [points]": ("bound_use", 2, 100.0),
-    "slip [axle s]": ("slip_time", 1, 1.0),
-    "wheel damage Q [kJ]": ("damage", 0, 1.0),
+COLUMNS = {
+    "bound used [points]": Statistic("bound_use", 2, 100.0),
+    "slip [axle s]": Statistic("slip_time"),
+    "wheel damage Q [kJ]": Statistic("damage", 0),
 }
 
 
-def table_of(
+def tabulate_pairs(
     compared: Mapping[str, Sequence[str]],
     pair: Pair,
-    own: Numbers,
-    less: Numbers,
+    columns: Columns,
     verdict: tuple[str, str, Sequence[Statement]] = ("", "", ()),
 ) -> pd.DataFrame:
-    """A line for each controller and each rule or deviation: numbers, and what they are less those of the other that it is
-    compared with. `verdict`: heading, name of the claim by rule, other and controller, statements."""
-    heading, name, statements = verdict
-    told = {one.claim.name: one.verdict for one in statements}
+    """A line for each controller and each rule or deviation: numbers, less those of the reference that it is compared with.
+
+    `verdict`: heading, name of the claim by rule, reference and controller, statements.
+    """
+    heading, pattern, statements = verdict
+    verdicts = {statement.claim.name: statement.verdict for statement in statements}
     lines = []
-    for law, other in product(CONTROLLERS, compared):
-        for rule in compared[other]:
-            rows = pair(law, rule, (other,) if other else ())
-            line = {"controller": law, "rule": rule, **means(rows, own), "less": other or "–"}
-            line |= means(rows, less, other)
-            line |= {heading: told.get(name.format(rule, other, law), "–")} if heading else {}
+    for controller, reference in product(CONTROLLERS, compared):
+        base = pair(controller, reference, ()) if reference else None
+        for rule in compared[reference]:
+            line = {"controller": controller, "rule": rule, "less": reference or "–"}
+            runs = pair(controller, rule, ())
+            line |= {name: column.text(runs, base) for name, column in columns.items()}
+            if heading:
+                line[heading] = verdicts.get(pattern.format(rule, reference, controller), "–")
             lines.append(line)
     return pd.DataFrame(lines)
 
 
-def compared(rules: Sequence[str], changed: Mapping[str, e.Arms]) -> dict[str, Sequence[str]]:
+def list_compared(rules: Sequence[str], changed: Mapping[str, e.Arms]) -> dict[str, Sequence[str]]:
     """What rules and arms are compared with -> these; as printed the patent is an arm of the corrected one."""
-    others = {one: (*own, PRINTED) if one == CORRECTED else (*own,) for one, own in changed.items()}
-    return {"": rules[:1], rules[0]: rules[1:]} | others
+    arms: dict[str, Sequence[str]] = {rule: [*changes] for rule, changes in changed.items()}
+    arms[CORRECTED] = [*changed[CORRECTED], PRINTED]
+    return {"": rules[:1], rules[0]: rules[1:]} | arms
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Each rule, and what it adds to `alone`; each deviation taken back, and what it adds to the corrected patent; each
     setting, and what it adds to the patent as printed."""
     pair = partial(paired, complete(rows))
-    return table_of(compared(COMPARED, ARMS), pair, {}, LESS)
+    return tabulate_pairs(list_compared(COMPARED, ARMS), pair, COLUMNS)
 
 
 def figure(rows: pd.DataFrame) -> Figure:
     """What decides each claim, over its threshold, for every layer."""
-    found = {one.claim.name: one for one in statements(rows)}
+    judged = {statement.claim.name: statement for statement in statements(rows)}
     drawn = Figure(figsize=(WIDE, 2.5), layout="constrained")
-    for axes, name in zip(drawn.subplots(1, 5, sharey=True), "abcde", strict=True):
-        names = {rule: [f"{name}: {rule} under {law}" for law in CONTROLLERS] for rule in LAYERS}
-        claim = found[names[PRINTED][0]].claim
-        numbers = {rule: [found[one].number for one in pair] for rule, pair in names.items()}
-        forest(axes, numbers, RULES, claim.bound)
-        axes.set(title=f"({name})", xlabel="\n".join(wrap(claim.text.rpartition(": ")[2], 24)))
+    for axes, key in zip(drawn.subplots(1, 5, sharey=True), "abcde", strict=True):
+        names = {rule: [f"{key}: {rule} under {name}" for name in CONTROLLERS] for rule in LAYERS}
+        claim = judged[names[PRINTED][0]].claim
+        numbers = {rule: [judged[name].number for name in pair] for rule, pair in names.items()}
+        draw_forest(axes, numbers, RULES, claim.bound)
+        axes.set(title=f"({key})", xlabel="\n".join(wrap(claim.text.rpartition(": ")[2], 24)))
     drawn.supxlabel(MARKERS)
     return drawn
 

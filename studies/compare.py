@@ -1,6 +1,6 @@
 """The main comparison: every rule under every controller over the same slip events, and what each adds to `alone`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,22 +16,25 @@ from studies.files.scenario import Scenario
 from studies.files.scenario_files import default_scenarios
 from studies.run_cell import cell, run
 from studies.runner.study import WIDE, Cell, Row, Study
-from studies.statistics import Interval, forest, mean
+from studies.standing import EFFORT, MARKS, Statistic, align_columns, find_mark, is_tied, list_marks
+from studies.statistics import Interval, draw_forest, in_digits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-REFERENCE, EFFORT = "alone", "bound_use"
-"""Rule from which the others' differences are counted, and the metric that ranks them."""
-NUMBERS = [EFFORT, "damage", "slip_time", "over_delivery"]
+REFERENCE = "alone"
+"""Rule from which the others' differences are counted."""
+COLUMNS = {
+    "used": Statistic(EFFORT, 1, 100.0, compared=False, heading="used %"),
+    "gain": Statistic(EFFORT, 2, 100.0, heading="points over alone"),
+    "damage": Statistic("damage", 0, heading="damage kJ"),
+    "slip": Statistic("slip_time", 0, heading="slip axle s"),
+}
+"""The table; a metric joins it by a line here."""
 CONTROLLERS_COMPARED = ("cut-and-ramp", "perturb-observe", "mpc")
 LEFT_OUT = ("qp-cvxpy", "qp-robust", "wear-qp")
 """Rules that answer as another does, or are told what no train knows; they run where they are named."""
 SEEDS = 5
-MOST_OVER = 0.01
-"""Share of the plan delivered beyond it above which a rule is not ranked: the driver did not ask for that."""
-NEGLIGIBLE = 1e-3
-"""A tenth of a point of the bound: nobody chooses a rule by it, however sure it is."""
 FEW = 5
 """Events below which intervals are over events and seeds, and say nothing of other events."""
 
@@ -47,20 +50,20 @@ class Grid(NamedTuple):
     def cells(self) -> list[Cell]:
         """By event, so that neighbours share what they prepare."""
         return [
-            cell(one, rule, law, one.first_seed + k)
-            for one in self.scenarios
-            for k in range(self.seeds if self.seeds > 1 and draws(one) else 1)
-            for law in self.controllers
+            cell(scenario, rule, controller, scenario.first_seed + k)
+            for scenario in self.scenarios
+            for k in range(self.seeds if self.seeds > 1 and depends_on_seed(scenario) else 1)
+            for controller in self.controllers
             for rule in self.rules
         ]
 
 
-def draws(scenario: Scenario) -> bool:
+def depends_on_seed(scenario: Scenario) -> bool:
     """Whether anything of an event depends on the seed."""
     return scenario.event(1).inputs_hash != scenario.event(2).inputs_hash
 
 
-def grid(
+def choose_grid(
     scenarios: Sequence[Scenario] | None = None,
     rules: Sequence[str] | None = None,
     controllers: Sequence[str] | None = None,
@@ -70,7 +73,7 @@ def grid(
     if seeds is not None and not 1 <= seeds <= 1000:
         raise StudyError(f"seeds = {seeds}: give 1 to 1000")
     chosen = tuple(dict.fromkeys(scenarios or default_scenarios()))
-    names = [one.name for one in chosen]
+    names = [scenario.name for scenario in chosen]
     if twice := {name for name in names if names.count(name) > 1}:
         raise StudyError(f"two scenarios are named {twice.pop()!r}; rename one")
     rules = tuple(dict.fromkeys(rules or [name for name in RULES if name not in LEFT_OUT]))
@@ -82,15 +85,15 @@ def grid(
     return Grid(chosen, rules, controllers, seeds or SEEDS)
 
 
-def study_of(chosen: Grid) -> Study:
+def make_study(grid: Grid) -> Study:
     """The comparison as a study."""
     return Study(
         name="compare",
         question="every rule under every controller over the same slip events",
-        cells=lambda events, seed: chosen.cells(),
+        cells=lambda events, seed: grid.cells(),
         run=run,
-        table=lambda rows: frame(standings(rows)),
-        figure=lambda rows: figure(standings(rows)),
+        table=lambda rows: tabulate_standings(rank_rules(rows)),
+        figure=lambda rows: draw_gains(rank_rules(rows)),
         events=1,
     )
 
@@ -105,17 +108,15 @@ class Standing(NamedTuple):
     rule: str
     events: int
     runs: int
-    used: Interval
-    gain: Interval
-    damage: Interval
-    slip: Interval
-    over: float
+    numbers: Mapping[str, Interval]
+    """By the names of `COLUMNS`."""
+    over_delivery: float
     tied: bool
     """Whether it cannot be told from the best of those that a train can carry out."""
-    gap: float
-    """Greatest `rule_gap` of its runs, degraded ones too."""
+    gap: str
+    """Greatest `rule_gap` of its runs, degraded ones too; as three decimals it would be zero, and empty without a solver."""
     mark: str
-    """°: knows the rail; *: delivers too much beyond the plan; †: rule or controller failed in some run."""
+    """One of `MARKS`, and † where rule or controller failed in some run."""
 
     @property
     def name(self) -> str:
@@ -123,111 +124,92 @@ class Standing(NamedTuple):
         return self.rule + self.mark + ("=" if self.tied else "")
 
 
-def standings(rows: pd.DataFrame) -> list[Standing]:
+def rank_rules(rows: pd.DataFrame) -> list[Standing]:
     """Every rule under every controller, over the events that all its rules have; the best first, slow controllers last."""
-    laws = rows.loc[rows["status"] == "ok", "controller"].unique()
-    return [one for law in laws for one in _standings(rows[rows["controller"] == law], str(law))]
+    standings = []
+    for controller in rows.loc[rows["status"] == "ok", "controller"].unique():
+        group = _rank_under(rows[rows["controller"] == controller], str(controller))
+        standings += sorted(group, key=lambda standing: -standing.numbers["used"].value)
+    return standings
 
 
-def _standings(rows: pd.DataFrame, controller: str) -> list[Standing]:
+def _rank_under(rows: pd.DataFrame, controller: str) -> Iterator[Standing]:
     good, failed = rows[rows["status"] == "ok"], set(rows.loc[rows["status"] != "ok", "rule"])
     rules = list(dict.fromkeys(good["rule"]))
-    means = good.pivot(index=["scenario", "seed"], columns="rule", values=NUMBERS)
+    metrics = dict.fromkeys([*(column.metric for column in COLUMNS.values()), "over_delivery"])
+    means = good.pivot(index=["scenario", "seed"], columns="rule", values=list(metrics))
     means = means.loc[means[EFFORT][rules].notna().all(axis=1)]  # rules are paired by seed
-    runs, events = len(means), means.index.get_level_values("scenario").nunique()
+    count, events = len(means), means.index.get_level_values("scenario").nunique()
     if events >= FEW:
         means = means.groupby(level="scenario").mean()
+    runs = {rule: means.xs(rule, axis=1, level="rule") for rule in rules}
+    reference = runs.get(REFERENCE, runs[rules[0]] * np.nan)  # without it there is no difference
 
-    def less(name: str, rule: str, other: str) -> Interval:
-        return mean(means[name, rule] - means[name, other] if other in rules else [])
-
-    over, gaps = means["over_delivery"].mean(), rows.groupby("rule")["rule_gap"].max()
-    marks = {rule: mark_of(rule, over[rule]) for rule in rules}
+    over = {rule: float(runs[rule]["over_delivery"].mean()) for rule in rules}
+    marks = {rule: find_mark(rule, over[rule]) for rule in rules}
     ranked = [rule for rule in rules if not marks[rule]]
-    best = str(means[EFFORT][ranked].mean().idxmax()) if ranked else ""
-
-    found = []
+    best = max(ranked, key=lambda rule: runs[rule][EFFORT].mean(), default="")
+    gaps = rows.groupby("rule")["rule_gap"].max()
     for rule in rules:
-        used, mark = mean(means[EFFORT, rule]), marks[rule] + "†" * (rule in failed)
-        gain, damage, slip = (
-            less(name, rule, REFERENCE) for name in (EFFORT, "damage", "slip_time")
-        )
-        tied = rule in ranked and (rule == best or less(EFFORT, best, rule).tied(NEGLIGIBLE))
-        numbers = used, gain, damage, slip, float(over[rule]), tied, float(gaps[rule])
-        found.append(Standing(controller, rule, events, runs, *numbers, mark))
-    return sorted(found, key=lambda one: -one.used.value)
+        numbers = {name: column.measure(runs[rule], reference) for name, column in COLUMNS.items()}
+        tied = rule in ranked and (rule == best or is_tied(runs[best], runs[rule]))
+        mark = marks[rule] + "†" * (rule in failed)
+        gap = f"{gaps[rule]:.0e}".replace("nan", "")
+        yield Standing(controller, rule, events, count, numbers, over[rule], tied, gap, mark)
 
 
-def mark_of(name: str, over: float) -> str:
-    """Why a part has no place: °, it knows the rail; *, it delivers this share of the plan beyond it, which is too much."""
-    return "°" if knows_the_rail(name) else "*" if over > MOST_OVER else ""
-
-
-def knows_the_rail(rule: str) -> bool:
-    """Of a rule that is registered; rows of a plug-in may be read without it."""
-    return rule in RULES and RULES[rule].belief.knows
-
-
-def frame(found: Sequence[Standing]) -> pd.DataFrame:
-    """Standings as numbers: shares of the bound, kJ, axle seconds, with intervals; `gap` is empty without a solver."""
+def tabulate_standings(standings: Sequence[Standing]) -> pd.DataFrame:
+    """Standings as numbers: shares of the bound, kJ, axle seconds, with intervals."""
     rows = []
-    for one in found:
-        row: Row = {key: getattr(one, key) for key in ("controller", "rule", "events", "runs")}
-        for name in ("used", "gain", "damage", "slip"):
-            number: Interval = getattr(one, name)
-            row |= {name: number.value, f"{name}_low": number.low, f"{name}_high": number.high}
-        gap = "" if np.isnan(one.gap) else f"{one.gap:.0e}"  # three decimals would all be zero
-        rows.append(
-            row | {"over_delivery": one.over, "tied": one.tied, "gap": gap, "mark": one.mark}
-        )
+    for standing in standings:
+        row: Row = {}
+        for field, value in standing._asdict().items():
+            if field != "numbers":
+                row[field] = value
+                continue
+            for name, number in value.items():
+                row |= {name: number.value, f"{name}_low": number.low, f"{name}_high": number.high}
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
-def by_controller(found: Sequence[Standing]) -> dict[str, list[Standing]]:
+def group_by_controller(standings: Sequence[Standing]) -> dict[str, list[Standing]]:
     """Standings of each controller, the best first."""
-    laws = dict.fromkeys(one.controller for one in found)
-    return {law: [one for one in found if one.controller == law] for law in laws}
+    groups: dict[str, list[Standing]] = {}
+    for standing in standings:
+        groups.setdefault(standing.controller, []).append(standing)
+    return groups
 
 
-HEAD = ("rule", "used %", "points over alone", "damage kJ", "slip axle s")
-
-
-def lines(found: Sequence[Standing]) -> list[str]:
+def format_standings(standings: Sequence[Standing]) -> list[str]:
     """The table for a terminal of 80 columns, a block for each controller, and what its marks mean."""
-    said = []
-    for controller, own in by_controller(found).items():
-        table = [HEAD]
-        for one in own:
-            costs = _short(one.gain, 2, 100.0), _short(one.damage, 0), _short(one.slip, 0)
-            table.append((one.name, f"{100 * one.used.value:.1f}", *costs))
-        shown = [k for k in range(len(HEAD)) if any(row[k] for row in table[1:])]
-        widths = [max(len(row[k]) for row in table) for k in range(len(HEAD))]
-        less = f", less {REFERENCE} with 95 % intervals" if 2 in shown else ""
-        said += ["", f"under {controller}{less}:"]
-        for row in table:
-            texts = [row[k].rjust(widths[k]) if k else row[k].ljust(widths[k]) for k in shown]
-            said.append("  ".join(texts).rstrip())
-    said += meanings(said, {
-        "=": "= not to be told from the best",
-        "°": "° knows the rail, as nobody on board can",
-        "*": f"* delivers more than {MOST_OVER:.0%} beyond the plan, not ranked",
-        "†": "† some runs failed and are left out",
-    })  # fmt: skip
-    for told in informed([one.rule for one in found]):
-        said += wrap(told, 78, subsequent_indent="  ", break_on_hyphens=False)
-    return said
+    lines = []
+    for controller, group in group_by_controller(standings).items():
+        table = [["rule", *(column.heading or name for name, column in COLUMNS.items())]]
+        for standing in group:
+            texts = [_shorten(column, standing.numbers[name]) for name, column in COLUMNS.items()]
+            table.append([standing.name, *texts])
+        differences = "".join(text for row in table[1:] for text in row[2:])
+        less = f", less {REFERENCE}" if differences else ""
+        less += " with 95 % intervals" if "[" in differences else ""
+        lines += ["", f"under {controller}{less}:", *align_columns(table)]
+    marks = {"=": "not to be told from the best", **MARKS, "†": "some runs failed and are left out"}
+    lines += list_marks(lines, marks | {"*": f"{MARKS['*']}, not ranked"})
+    for line in list_information([standing.rule for standing in standings]):
+        lines += wrap(line, 78, subsequent_indent="  ", break_on_hyphens=False)
+    return lines
 
 
-def meanings(said: Sequence[str], marks: Mapping[str, str]) -> list[str]:
-    """What those marks mean that stand in the lines of a table, after an empty line."""
-    return ["", *(words for mark, words in marks.items() if any(mark in line for line in said))]
+def _shorten(column: Statistic, number: Interval) -> str:
+    """A number for a terminal; nothing for no difference, and no interval of what is no difference."""
+    if not column.compared:
+        return in_digits(column.scale * number.value, column.digits, False)
+    if not number.events or not (number.value or number.high):
+        return ""
+    return number.text(column.digits, column.scale, sign=True)
 
 
-def _short(one: Interval, digits: int, scale: float = 1.0) -> str:
-    return one.text(digits, scale, sign=True) if one.events and (one.value or one.high) else ""
-
-
-def informed(rules: Sequence[str]) -> list[str]:
+def list_information(rules: Sequence[str]) -> list[str]:
     """Which rules know what, where they differ: then a comparison is of information too."""
     groups: dict[str, list[str]] = {}
     for name in dict.fromkeys(rules):
@@ -236,66 +218,74 @@ def informed(rules: Sequence[str]) -> list[str]:
             groups.setdefault(rule.belief.description, []).append(name)
     if len(groups) < 2:
         return []
-    return [f"{', '.join(names)}: told {words}" for words, names in groups.items()]
+    return [f"{', '.join(names)}: told {description}" for description, names in groups.items()]
 
 
-def answer(found: Sequence[Standing]) -> str:
+def summarise_standings(standings: Sequence[Standing]) -> str:
     """The answer, a sentence for each controller."""
-    said = []
-    for controller, own in by_controller(found).items():
-        tied = [one for one in own if one.tied]
-        if len(own) < 2 or not tied or not tied[0].gain.events:
+    sentences = []
+    for controller, group in group_by_controller(standings).items():
+        tied = [standing for standing in group if standing.tied]
+        if len(group) < 2 or not tied or not tied[0].numbers["gain"].events:
             continue
-        bound = next((one for one in own if knows_the_rail(one.rule)), None)
-        names = ", ".join(one.rule for one in tied[:3])
+        names = ", ".join(standing.rule for standing in tied[:3])
         names += f" and {len(tied) - 3} more" if len(tied) > 3 else ""
-        told = "cannot be told apart" if len(tied) > 1 else "uses most"
-        ideal = (
-            f"; {bound.rule}, which knows the rail, {100 * bound.gain.value:+.2f}" if bound else ""
-        )
-        gain = tied[0].gain.text(2, 100.0, sign=True)
-        said.append(f"Under {controller}, {names} {told}: {gain} points over {REFERENCE}{ideal}.")
-    if said and found[0].events < FEW:
-        said.append("Intervals are over seeds of few events and say nothing of others.")
-    return "\n".join(said) or f"Nothing was compared with {REFERENCE}: the table has the numbers."
+        verb = "cannot be told apart" if len(tied) > 1 else "uses most"
+        gain = tied[0].numbers["gain"].text(2, 100.0, sign=True)
+        sentence = f"Under {controller}, {names} {verb}: {gain} points over {REFERENCE}"
+        for bound in [standing for standing in group if "°" in standing.mark][:1]:
+            gain = f"{100 * bound.numbers['gain'].value:+.2f}"
+            sentence += f"; {bound.rule}, which knows the rail, {gain}"
+        sentences.append(f"{sentence}.")
+    if sentences and standings[0].events < FEW:
+        sentences.append("Intervals are over seeds of few events and say nothing of others.")
+    return (
+        "\n".join(sentences) or f"Nothing was compared with {REFERENCE}: the table has the numbers."
+    )
 
 
-def as_json(rows: pd.DataFrame) -> dict[str, Any]:
+def export_comparison(rows: pd.DataFrame) -> dict[str, Any]:
     """What a program reads: about the comparison, the metrics, and every event under every rule and controller."""
-    names, found = [name for name in METRICS if name in rows], []
-    for (scenario, rule, law), own in rows.groupby(["scenario", "rule", "controller"], sort=False):
-        good, bad = own.loc[own["status"] == "ok", names], own[own["status"] != "ok"]
+    names, cases = [name for name in METRICS if name in rows], []
+    columns = ["scenario", "rule", "controller"]
+    for case, runs in rows.groupby(columns, sort=False):
+        good, bad = runs.loc[runs["status"] == "ok", names], runs[runs["status"] != "ok"]
         centre, n = good.mean(), good.count()
         half = good.std() * (scipy.stats.t.ppf(0.975, (n - 1).clip(1)) / np.sqrt(n))
-        known = [name for name in names if n[name]]
         numbers = dict.fromkeys(names) | {
             name: {"mean": float(centre[name]), "half_width": float(half.fillna(0.0)[name])}
-            for name in known
+            for name in names
+            if n[name]
         }
         reasons = list(dict.fromkeys(bad["reason"]))
-        about = {"scenario": scenario, "rule": rule, "controller": law, "seeds": len(own)}
-        found.append(about | {"failed": len(bad), "reasons": reasons, "metrics": numbers})
-    metrics = {name: {"unit": METRICS[name].unit, "description": METRICS[name].description}
-               for name in names}  # fmt: skip
-    table = standings(rows)
+        cases.append(
+            dict(zip(columns, case, strict=True))
+            | {"seeds": len(runs), "failed": len(bad), "reasons": reasons, "metrics": numbers}
+        )
+    standings = rank_rules(rows)
     return {
-        "about": {"runs": len(rows), "answer": answer(table).splitlines()},
-        "metrics": metrics,
-        "standings": frame(table).to_dict(orient="records"),
-        "rows": found,
+        "about": {"runs": len(rows), "answer": summarise_standings(standings).splitlines()},
+        "metrics": {
+            name: {"unit": METRICS[name].unit, "description": METRICS[name].description}
+            for name in names
+        },
+        "standings": tabulate_standings(standings).to_dict(orient="records"),
+        "rows": cases,
     }
 
 
-def figure(found: Sequence[Standing]) -> "Figure":
+def draw_gains(standings: Sequence[Standing]) -> "Figure":
     """Points of the bound over `alone` with intervals, rule by rule, a panel for each controller."""
     from matplotlib.figure import Figure
 
-    laws = by_controller(found)
-    height = 0.2 * len({one.rule for one in found}) + 0.9
-    drawn = Figure(figsize=(min(WIDE, 2.2 * len(laws) + 1.0), height), layout="constrained")
-    panels = drawn.subplots(1, len(laws), squeeze=False)[0]
-    for axes, (law, own) in zip(panels, laws.items(), strict=True):
-        gains = {one.rule: [one.gain.times(100.0)] for one in own if one.rule != REFERENCE}
-        forest(axes, gains, RULES, 0.0)
-        axes.set(title=law, xlabel=f"points over {REFERENCE}")
-    return drawn
+    groups = group_by_controller(standings)
+    height = 0.2 * len({standing.rule for standing in standings}) + 0.9
+    width = min(WIDE, 2.2 * len(groups) + 1.0)
+    figure = Figure(figsize=(width, height), layout="constrained")
+    panels = figure.subplots(1, len(groups), squeeze=False)[0]
+    for axes, (controller, group) in zip(panels, groups.items(), strict=True):
+        gains = {standing.rule: [standing.numbers["gain"].times(100.0)] for standing in group}
+        gains.pop(REFERENCE, None)
+        draw_forest(axes, gains, RULES, 0.0)
+        axes.set(title=controller, xlabel=f"points over {REFERENCE}")
+    return figure

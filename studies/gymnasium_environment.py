@@ -21,7 +21,7 @@ from studies.files.scenario_files import load_scenario
 
 Floats = NDArray[np.float64]
 TORQUES = ("motor_torque", "torque_target", "drive_limit", "brake_limit")
-OTHERS = ("coefficient_estimate", "slipping", "works")
+STATES = ("coefficient_estimate", "slipping", "works")
 """What a unit's row says beside speeds."""
 MOST = 150.0
 """Bound of every observation: no train is as fast [m/s], and no coefficient as large."""
@@ -33,7 +33,7 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
     """One slip event per episode, truncated where it ends; then `simulation.recorded()` is the run.
 
     Action, (agent's units,): the share, 0 to 1, of its torque target that each unit commands. Observation, for each of them:
-    reference speed, slip of each axle [m/s] against it, `TORQUES` and the plan as coefficients, `OTHERS`. Reward of a
+    reference speed, slip of each axle [m/s] against it, `TORQUES` and the plan as coefficients, `STATES`. Reward of a
     period: force along the demand at its start, within 0 and the true plan, over the plan's sum in the event, less `PRICE`
     times friction work [kJ]. `info`: `time` [s], `event_seed`, and `others`, the shares that the controller `others` would
     command.
@@ -68,7 +68,7 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         CONTROLLERS.find(others)
         if RULES.find(rule).belief.knows:
             raise StudyError(f"under rule {rule!r} no readhesion controller acts")
-        size = sum(2 + int(axles[j]) + len(TORQUES) + len(OTHERS) for j in self.units)
+        size = sum(2 + int(axles[j]) + len(TORQUES) + len(STATES) for j in self.units)
         self.observation_space = spaces.Box(-MOST, MOST, (size,), dtype=np.float64)
         self.action_space = spaces.Box(0.0, 1.0, (len(self.units),), dtype=np.float64)
         self._ended = True
@@ -78,8 +78,8 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
     ) -> tuple[Floats, dict[str, Any]]:
         """Start an event, and run to its first control instant."""
         super().reset(seed=seed)
-        self._begin((options or {}).get("event_seed", int(self.np_random.integers(1, 2**31))))
-        return self._seen()
+        self._begin_event((options or {}).get("event_seed", int(self.np_random.integers(1, 2**31))))
+        return self._observe_units()
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Command the torques, and run to the next control instant, or to the end of the event."""
@@ -93,30 +93,30 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
             raise StudyError(f"action = {action!r:.80}: give {len(self.units)} numbers from 0 to 1")
         world = self.simulation.world
         spent = world.wheelsets.friction_work.sum()
-        self._go_on(shares)
+        self._run_period(shares)
         work = 1e-3 * float(world.wheelsets.friction_work.sum() - spent)
-        run, asked = world.run[0], self._plan[len(self._played) - 1]
+        run, planned = world.run[0], self._plan[len(self._played) - 1]
         recorded = self.simulation.recording.wheelsets.rail_force[self.simulation.tick - 1]
         force = run.sign * float(recorded.sum())  # at the start of the period
-        effort = min(max(force, 0.0), abs(asked)) / (np.abs(self._plan).sum() or 1.0)
-        seen, info = self._seen()
-        return seen, float(effort - PRICE * work), False, self._ended, info
+        effort = min(max(force, 0.0), abs(planned)) / (np.abs(self._plan).sum() or 1.0)
+        observation, info = self._observe_units()
+        return observation, float(effort - PRICE * work), False, self._ended, info
 
-    def _begin(self, event_seed: int) -> None:
+    def _begin_event(self, event_seed: int) -> None:
         event = self.scenario.event(event_seed)
         self.simulation, self._event_seed = Simulation(event, self.rule, self.others), event_seed
         world = self.simulation.world
         self._plan = world.command * world.cars.mass.sum()
         self._played: list[Floats] = []
         self._ended = False
-        self._aim()
+        self._set_torques()
 
-    def _aim(self) -> None:
+    def _set_torques(self) -> None:
         """Targets of the next instant, and what the controller `others` would command there."""
         self.simulation.plan_instant()
         self.simulation.command_units()
 
-    def _go_on(self, shares: Floats) -> None:
+    def _run_period(self, shares: Floats) -> None:
         """Command these shares, and run to the next control instant."""
         self._played.append(shares)
         for j, share in zip(self.units, shares.tolist(), strict=True):
@@ -125,11 +125,11 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         self.simulation.finish_instant()
         self._ended = self.simulation.tick == self.simulation.ticks
         if not self._ended:
-            self._aim()
+            self._set_torques()
 
-    def _seen(self) -> tuple[Floats, dict[str, Any]]:
+    def _observe_units(self) -> tuple[Floats, dict[str, Any]]:
         """Observation and what is said beside it; at the end of the event with the readings of its last period."""
-        w, values, others = self.simulation.world, list[float](), list[float]()
+        w, values, shares = self.simulation.world, list[float](), list[float]()
         run = w.run[0]
         for j in self.units:
             row = w.units[j]
@@ -137,21 +137,21 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
             per = row.gear / (row.load * row.radius)
             values += [run.reference_speed, *(run.sign * (axles.reading - run.reference_speed))]
             values += [row[name] * per for name in TORQUES] + [run.plan]
-            values += [float(row[name]) for name in OTHERS]
-            others.append(row.torque_command / row.torque_target if row.torque_target else 1.0)
-        about = {"time": float(run.time), "event_seed": self._event_seed}
-        return np.clip(values, -MOST, MOST), about | {"others": np.array(others)}
+            values += [float(row[name]) for name in STATES]
+            shares.append(row.torque_command / row.torque_target if row.torque_target else 1.0)
+        info = {"time": float(run.time), "event_seed": self._event_seed}
+        return np.clip(values, -MOST, MOST), info | {"others": np.array(shares)}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: one for name, one in vars(self).items() if name != "simulation"}
+        return {name: value for name, value in vars(self).items() if name != "simulation"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         if "_event_seed" in state:
             played = state["_played"]
-            self._begin(self._event_seed)
+            self._begin_event(self._event_seed)
             for shares in played:
-                self._go_on(shares)
+                self._run_period(shares)
 
 
 gymnasium.register(

@@ -93,7 +93,7 @@ class Undisclosed:
     sensitivity_high: float = 2.92
     """Sensitivity high over medium [1.5, 8]."""
 
-    def rail(self) -> Rail:
+    def make_rail(self) -> Rail:
         """Fig. 2 and par. 0051 to 0053: adhesion by speed, slip ratio, place in the train, and what slid ahead."""
         front, c = self.front_adhesion, self.speed_offset
         rear = front * (1.0 + self.rear_gain)
@@ -107,7 +107,7 @@ class Undisclosed:
             curve=SlipRatioCurve(self.peak_slip_ratio, residual_ratio=1.0),
         )
 
-    def protection(self, sensitivity: float = 1.0) -> SlideProtection:
+    def make_protection(self, sensitivity: float = 1.0) -> SlideProtection:
         """Fuzzy inference of slip and its rate, by the worst axle of a bogie; at 2 every set is at half its place."""
         slip = (0.0, self.slip_medium, self.slip_large)
         rate = (-self.rate_growing, 0.0, self.rate_growing)
@@ -115,19 +115,19 @@ class Undisclosed:
         return SlideProtection(period=CYCLE, law="fuzzy", fuzzy=fuzzy)
 
 
-NAMES = [one.name for one in fields(Undisclosed)]
+NAMES = [field.name for field in fields(Undisclosed)]
 CALIBRATED = Undisclosed()
 
 
-def members(arm: str = "all") -> list[Undisclosed]:
+def read_members(arm: str = "all") -> list[Undisclosed]:
     """Sets that reach both tables, the calibrated one first; "held out": all but the distance of two cars."""
     # as text, since every digit counts: valves that switch a cycle later turn the last ones into metres
-    found = pd.read_csv(Path(__file__).with_name("jp4209318_members.csv"), dtype=str)
-    values = found.loc[found["arm"] == arm, NAMES].to_numpy()
+    sets = pd.read_csv(Path(__file__).with_name("jp4209318_members.csv"), dtype=str)
+    values = sets.loc[sets["arm"] == arm, NAMES].to_numpy()
     return [Undisclosed(*map(float, row)) for row in values]
 
 
-def train(cars: int = 3, shoe_force_share: float = CALIBRATED.shoe_force_share) -> Train:
+def build_train(cars: int = 3, shoe_force_share: float = CALIBRATED.shoe_force_share) -> Train:
     """The train of Table 2 with this number of cars: 8000 kg and 120 kg m2 on each of 4 axles of a car, r = 0.43 m."""
     whole = find_train("jp4209318-3car")
     car, brake = whole.cars[0], whole.cars[0].air_brake
@@ -138,84 +138,85 @@ def train(cars: int = 3, shoe_force_share: float = CALIBRATED.shoe_force_share) 
     return replace(whole, name=f"jp4209318-{cars}car", cars=(car,) * cars)
 
 
-def stop(given: Undisclosed, cars: int, law: SlideProtection, step: float = STEP) -> xr.Dataset:
+def run_stop(
+    numbers: Undisclosed, cars: int, protection: SlideProtection, step: float = STEP
+) -> xr.Dataset:
     """A full brake application from 100 km/h to standstill; without motors rule and controller have nothing to do.
 
     The computers are given the true speed, since how the source's know it is not disclosed.
     """
-    own: dict[str, Any] = {"reference.source": "truth", "braking.release_speed": 0.0}
-    own["braking.slide_protection"] = law
-    event = Event(
-        f"JP4209318, {cars} cars", train(cars, given.shoe_force_share), given.rail(),
-        DriverCommand((0.0,), (FULL_BRAKE,)),
-        # applied at once: the cylinders' dead time and lag are all the delay of Table 2
-        Onboard(period=CYCLE, rise_time=CYCLE).with_settings(own),
-        duration=LONGEST[cars], initial_speed=INITIAL_SPEED, step=step, target_speed=0.0,
-    )  # fmt: skip
+    settings: dict[str, Any] = {"reference.source": "truth", "braking.release_speed": 0.0}
+    settings["braking.slide_protection"] = protection
+    train, rail = build_train(cars, numbers.shoe_force_share), numbers.make_rail()
+    # applied at once: the cylinders' dead time and lag are all the delay of Table 2
+    onboard = Onboard(period=CYCLE, rise_time=CYCLE).with_settings(settings)
+    command = DriverCommand((0.0,), (FULL_BRAKE,))
+    course: Row = {"duration": LONGEST[cars], "initial_speed": INITIAL_SPEED, "target_speed": 0.0}
+    event = Event(f"JP4209318, {cars} cars", train, rail, command, onboard, step=step, **course)
     return simulate(event, "alone", "none")
 
 
-def run(given: Undisclosed, cars: int, law: SlideProtection) -> Row:
+def run(numbers: Undisclosed, cars: int, protection: SlideProtection) -> Row:
     """Distance [m], Q [kJ], locked axle-seconds, mean slip ratio of every axle, and what the laws say of the record."""
-    found = stop(given, cars, law)
-    speed = found["speed"].values
+    recording = run_stop(numbers, cars, protection)
+    speed = recording["speed"].values
     moving = speed > LEAST_SPEED
-    slip = np.maximum(-found["slip_velocity"].values[moving], 0.0) / speed[moving, None]
+    slip = np.maximum(-recording["slip_velocity"].values[moving], 0.0) / speed[moving, None]
     return {
-        "distance": distance(found),
-        "Q": damage(found),
-        "locked": locked_time(found),
-        **{f"slip_{k + 1}": float(one) for k, one in enumerate(slip.mean(axis=0))},
-        **laws(found, train(cars)),
+        "distance": distance(recording),
+        "Q": damage(recording),
+        "locked": locked_time(recording),
+        **{f"slip_{k + 1}": float(ratio) for k, ratio in enumerate(slip.mean(axis=0))},
+        **check_laws(recording, build_train(cars)),
     }
 
 
-def laws(found: xr.Dataset, braked: Train) -> dict[str, float]:
+def check_laws(recording: xr.Dataset, braked: Train) -> dict[str, float]:
     """Q by (28) [kJ], the share of energy that (27) misses, and how far both forms of the motion stray [m/s].
 
     All from the record alone, a cycle apart: shoe force F_b [N], angular speed omega [rad/s] and, for the motion, rail force
     [N] of each axle, and the train's speed v [m/s]; magnitudes, as the source has them. The train has no resistance F_r.
     """
     car = braked.cars[0]
-    time, v = found["time"].values, found["speed"].values
+    time, v = recording["time"].values, recording["speed"].values
     m, j, r = braked.mass, car.wheel_inertia, car.wheel_radius
-    omega = found["rim_speed"].values / r
-    shoe, rail = found["brake_force"].values, -found["rail_force"].values
+    omega = recording["rim_speed"].values / r
+    shoe, rail = recording["brake_force"].values, -recording["rail_force"].values
 
-    def integral(rate: Floats) -> Floats:
+    def integrate(rate: Floats) -> Floats:
         return np.asarray(cumulative_trapezoid(rate, time, axis=0, initial=0))
 
     q = wheel_damage(time, -shoe, omega, v, j, r).sum(axis=1)  # (28); driving counts positive there
     lost = 0.5 * m * (v[0] ** 2 - v**2) + 0.5 * j * (omega[0] ** 2 - omega**2).sum(axis=1)  # (24)
-    missed = lost - q - integral((shoe * r * omega).sum(axis=1))  # (27)
+    missed = lost - q - integrate((shoe * r * omega).sum(axis=1))  # (27)
     row = {"Q_28": float(q[-1] / 1e3), "energy": float(np.abs(missed).max() / lost[-1])}
     turning = j / r**2
-    own = rail - turning * found["acceleration"].values[:, None]  # (12): F_m
-    common = own.sum(axis=1) / (m + turning * omega.shape[1])  # (15)
+    force = rail - turning * recording["acceleration"].values[:, None]  # (12): F_m
+    common = force.sum(axis=1) / (m + turning * omega.shape[1])  # (15)
     forms = {
         "form_1": (rail.sum(axis=1) / m, (shoe - rail) / turning),  # (7), (8)
-        "form_2": (common, (shoe - own) / turning + common[:, None]),  # (15), (16)
+        "form_2": (common, (shoe - force) / turning + common[:, None]),  # (15), (16)
     }
     for name, (of_train, of_rims) in forms.items():
-        strayed = v[0] - integral(of_train) - v, (omega[0] - omega) * r - integral(of_rims)
-        row[name] = float(max(np.abs(one[v > LEAST_SPEED]).max() for one in strayed))
+        strayed = v[0] - integrate(of_train) - v, (omega[0] - omega) * r - integrate(of_rims)
+        row[name] = float(max(np.abs(stray[v > LEAST_SPEED]).max() for stray in strayed))
     return row
 
 
 # the stops
 
 
-def stops(given: Undisclosed) -> Iterator[tuple[str, int, str, SlideProtection]]:
+def list_stops(numbers: Undisclosed) -> Iterator[tuple[str, int, str, SlideProtection]]:
     """Kind, cars, setting and slide protection of every stop of a set; first those of both tables."""
-    own = {"low": given.sensitivity_low, "medium": 1.0, "high": given.sensitivity_high}
+    places = {"low": numbers.sensitivity_low, "medium": 1.0, "high": numbers.sensitivity_high}
     for cars, setting in STOPS:
-        yield "tables", cars, setting, given.protection(own[setting])
-    for one in SENSITIVITIES:
-        yield "sensitivity", 3, f"{one:.4g}", given.protection(one)
+        yield "tables", cars, setting, numbers.make_protection(places[setting])
+    for sensitivity in SENSITIVITIES:
+        yield "sensitivity", 3, f"{sensitivity:.4g}", numbers.make_protection(sensitivity)
     for hold, release in THRESHOLDS:
         plain = Threshold(hold=hold, release=release)
-        law = SlideProtection(period=CYCLE, law="threshold", threshold=plain)
-        yield "threshold", 3, f"{hold:g}, {release:g}", law
+        protection = SlideProtection(period=CYCLE, law="threshold", threshold=plain)
+        yield "threshold", 3, f"{hold:g}, {release:g}", protection
     yield "none", 3, "", SlideProtection(period=CYCLE, law="none")
 
 
@@ -223,16 +224,16 @@ def cells(events: int, seed: int) -> Iterator[Cell]:
     """All stops of `events` sets, the calibrated one first; those of the tables under noise, and of sets held out."""
     noise = NOISE * np.random.default_rng(seed).standard_normal((events, len(NAMES)))
     noisy = np.array(list(asdict(CALIBRATED).values())) * (1.0 + noise)
-    sets = {"member": members(), "noise": [Undisclosed(*one) for one in noisy.tolist()]}
-    sets["held out"] = members("held out")
-    for part, several in sets.items():
-        for k, given in enumerate(several[:events]):
-            for kind, cars, setting, law in stops(given):
+    sets = {"member": read_members(), "noise": [Undisclosed(*row) for row in noisy.tolist()]}
+    sets["held out"] = read_members("held out")
+    for part, group in sets.items():
+        for k, numbers in enumerate(group[:events]):
+            for kind, cars, setting, protection in list_stops(numbers):
                 if kind == "tables" or part == "member":
                     columns: Row = {"part": part, "set": k, "kind": kind, "cars": cars}
                     columns["setting"] = setting
                     name = " ".join(map(str, columns.values()))
-                    yield Cell(name, (given, cars, law), columns)
+                    yield Cell(name, (numbers, cars, protection), columns)
 
 
 # what the source says of them
@@ -248,41 +249,41 @@ class Finding(NamedTuple):
     most: float = np.inf
     printed: float = np.nan
 
-    def reached(self, value: Any) -> Any:
+    def is_reached(self, value: Any) -> Any:
         """Whether a number, or each of a series, is as the source says."""
         return (value > self.least) & (value <= self.most)
 
-    def bound(self) -> str:
+    def format_bounds(self) -> str:
         """Bounds in words."""
-        told = ((">", self.least), ("at most", self.most))
-        return ", ".join(f"{sign} {value:.4g}" for sign, value in told if np.isfinite(value))
+        bounds = ((">", self.least), ("at most", self.most))
+        return ", ".join(f"{sign} {value:.4g}" for sign, value in bounds if np.isfinite(value))
 
 
-def near(source: str, value: float, printed: float, tolerance: float) -> Finding:
+def near_printed(source: str, value: float, printed: float, tolerance: float) -> Finding:
     """That a number is the printed one, within a tolerance."""
     return Finding(source, value, printed - tolerance, printed + tolerance, printed)
 
 
-def findings(own: pd.DataFrame) -> dict[str, Finding]:
+def list_findings(rows: pd.DataFrame) -> dict[str, Finding]:
     """Of the stops of a set; those that compare with other laws only where all stops are among its rows.
 
     Slip ratios are means at medium sensitivity; of several differences the least counts, of several errors the greatest.
     """
-    kinds: Any = dict(list(own.groupby("kind")))
+    kinds: Any = dict(list(rows.groupby("kind")))
     five = kinds["tables"]
     by_cars = five[five["setting"] == "medium"].set_index("cars")["distance"]
     three = five[five["cars"] == 3].set_index("setting")
     longer, q = 100.0 * (three["distance"] / three.loc["medium", "distance"] - 1.0), three["Q"]
     slip = 100.0 * three.loc["medium", [f"slip_{k + 1}" for k in range(12)]].to_numpy(float)
     q_28 = 100.0 * (five["Q_28"] / five["Q"] - 1.0).abs().max()
-    found = {
-        **{f"distance, {n} car{'s' * (n > 1)} [m]": near("Table 3", by_cars[n], metres, 0.003 * metres)
+    findings = {
+        **{f"distance, {n} car{'s' * (n > 1)} [m]": near_printed("Table 3", by_cars[n], metres, 0.003 * metres)
            for n, metres in TABLE_3.items()},
         "every further car shortens it by [m]": Finding("par. 0061", -np.diff(by_cars).max(), 0.0),
-        "Q, medium [kJ]": near("Table 4", q["medium"], TABLE_4["medium"][1], 0.03 * TABLE_4["medium"][1]),
-        "Q, low over medium": near("Table 4", q["low"] / q["medium"], 1.10, 0.03),
-        "Q, high over medium": near("Table 4", q["high"] / q["medium"], 0.346, 0.02),
-        "high brakes longer than medium by [%]": near("Table 4", longer["high"], 1.9, 0.5),
+        "Q, medium [kJ]": near_printed("Table 4", q["medium"], TABLE_4["medium"][1], 0.03 * TABLE_4["medium"][1]),
+        "Q, low over medium": near_printed("Table 4", q["low"] / q["medium"], 1.10, 0.03),
+        "Q, high over medium": near_printed("Table 4", q["high"] / q["medium"], 0.346, 0.02),
+        "high brakes longer than medium by [%]": near_printed("Table 4", longer["high"], 1.9, 0.5),
         "low brakes longer than medium by [%]": Finding("Table 4", longer["low"], most=0.0, printed=-0.08),
         "axle 1 slides more than any other by [points]": Finding("par. 0058", slip[0] - slip[1:].max(), 0.0),
         "each car behind slides less by [points]":
@@ -298,18 +299,19 @@ def findings(own: pd.DataFrame) -> dict[str, Finding]:
         tried, plain, none = kinds["sensitivity"], kinds["threshold"], kinds["none"].iloc[0]
         better = tried[["distance", "Q"]].to_numpy()[:, None] < three[["distance", "Q"]].to_numpy()
         beaten = Finding("par. 0064", int(better.all(axis=2).any(axis=0).sum()), most=0.0)
-        found["settings that another sensitivity beats in both"] = beaten
-        best = on_front(tried)[::-1]
+        findings["settings that another sensitivity beats in both"] = beaten
+        best = pareto_front(tried)[::-1]
         at_equal_q = plain["distance"] - np.interp(plain["Q"], best["Q"], best["distance"])
         for setting, value in zip(plain["setting"], at_equal_q, strict=True):
-            found[f"thresholds {setting}: longer at equal Q by [m]"] = Finding("here", value, 0.0)
+            name = f"thresholds {setting}: longer at equal Q by [m]"
+            findings[name] = Finding("here", value, 0.0)
         apart = none["distance"] - three.loc["medium", "distance"]
-        found["without protection: longer than medium by [m]"] = Finding("here", apart)
-        found["without protection: Q over medium"] = Finding("here", none["Q"] / q["medium"])
-    return found
+        findings["without protection: longer than medium by [m]"] = Finding("here", apart)
+        findings["without protection: Q over medium"] = Finding("here", none["Q"] / q["medium"])
+    return findings
 
 
-def on_front(rows: pd.DataFrame) -> pd.DataFrame:
+def pareto_front(rows: pd.DataFrame) -> pd.DataFrame:
     """Stops that none beats in both distance and Q, by growing distance."""
     ordered = rows.sort_values(["distance", "Q"])
     return ordered[ordered["Q"] < ordered["Q"].cummin().shift(fill_value=np.inf)]
@@ -320,28 +322,30 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
 
     What the calibrated set reaches and fewer than 95 % of the sets do not share holds with conditions.
     """
-    of_sets = {key: findings(own) for key, own in rows.groupby(["part", "set"], sort=False)}
+    groups = rows.groupby(["part", "set"], sort=False)
+    of_sets = {key: list_findings(stops) for key, stops in groups}
     values = pd.DataFrame(
-        [{name: one.value for name, one in found.items()} for found in of_sets.values()],
+        [{name: finding.value for name, finding in row.items()} for row in of_sets.values()],
         index=pd.MultiIndex.from_tuples(of_sets),
     )
-    found, sets = of_sets["member", 0], values.loc["member"]
+    numbers, sets = of_sets["member", 0], values.loc["member"]
     predicted = values.loc["held out", "distance, 2 cars [m]"].mean()
     logarithm = np.interp(np.log(2.0), np.log([1.0, 3.0]), [TABLE_3[1], TABLE_3[3]])
     for by, metres in (("a set sought without them", predicted), ("a logarithm", logarithm)):
         off = abs(metres - TABLE_3[2])
-        found[f"2 cars by {by}: off by [m]"] = Finding("here", off, most=0.01 * TABLE_3[2])
+        numbers[f"2 cars by {by}: off by [m]"] = Finding("here", off, most=0.01 * TABLE_3[2])
     lines = []
-    for name, one in found.items():
-        line: Row = {"source": one.source, "number": name, "printed": one.printed}
-        line |= {"found": one.value, "bound": one.bound()}
-        own = sets[name] if name in sets else pd.Series([one.value])
-        shared = one.reached(own)
+    for name, finding in numbers.items():
+        line: Row = {"source": finding.source, "number": name, "printed": finding.printed}
+        line |= {"found": finding.value, "bound": finding.format_bounds()}
+        spread = sets[name] if name in sets else pd.Series([finding.value])
+        shared = finding.is_reached(spread)
         whole = HOLDS if shared.mean() >= 0.95 else CONDITIONS
-        line["verdict"] = (whole if one.reached(one.value) else FAILS) if line["bound"] else ""
+        verdict = whole if finding.is_reached(finding.value) else FAILS
+        line["verdict"] = verdict if line["bound"] else ""
         if name in sets:
-            line["5 % of the sets"], line["95 %"] = own.quantile((0.05, 0.95))
-            line["sets"] = f"{shared.sum()} of {len(own)}" if line["bound"] else ""
+            line["5 % of the sets"], line["95 %"] = spread.quantile((0.05, 0.95))
+            line["sets"] = f"{shared.sum()} of {len(spread)}" if line["bound"] else ""
             line["noise of 1e-4"] = values.loc["noise", name].std()
         lines.append(line)
     return pd.DataFrame(lines)
@@ -351,16 +355,16 @@ def figure(rows: pd.DataFrame) -> Figure:
     """Q over distance of three cars: other sensitivities, plain thresholds, and Table 4 beside the printed numbers."""
     drawn = Figure(figsize=(5.0, 3.4), layout="constrained")
     axes = drawn.subplots()
-    own = rows[(rows["part"] == "member") & (rows["cars"] == 3)]
-    for k, of_set in own[own["kind"] == "sensitivity"].groupby("set"):
-        best = on_front(of_set)
+    stops = rows[(rows["part"] == "member") & (rows["cars"] == 3)]
+    for k, of_set in stops[stops["kind"] == "sensitivity"].groupby("set"):
+        best = pareto_front(of_set)
         look = {"color": "0.85"} if k else {"color": "tab:blue", "label": "fuzzy", "zorder": 3.0}
         axes.plot(best["distance"], best["Q"], **look)
-    first = own[own["set"] == 0].set_index("kind")
+    first = stops[stops["set"] == 0].set_index("kind")
     plain, settings = first.loc["threshold"], first.loc["tables"].set_index("setting")
     axes.plot(plain["distance"], plain["Q"], "s", color="tab:orange", ms=4, label="thresholds")
-    found = settings.loc[list(TABLE_4), ["distance", "Q"]].to_numpy()
-    axes.plot(*found.T, "o", color="tab:blue", zorder=4, label="low, medium, high")
+    points = settings.loc[list(TABLE_4), ["distance", "Q"]].to_numpy()
+    axes.plot(*points.T, "o", color="tab:blue", zorder=4, label="low, medium, high")
     axes.plot(*np.array(list(TABLE_4.values())).T, "kx", zorder=5, label="printed (Table 4)")
     axes.set(xlabel="braking distance of 3 cars [m]", xlim=(372.0, None))
     axes.set(ylabel="wheel damage Q [kJ]", yscale="log")
@@ -368,7 +372,5 @@ def figure(rows: pd.DataFrame) -> Figure:
     return drawn
 
 
-QUESTION = (
-    "Does slide protection give the distances and the wheel damage of JP4209318, Tables 3 and 4?"
-)
+QUESTION = "Does slide protection give distances and wheel damage of JP4209318, Tables 3 and 4?"
 STUDY = Study("jp4209318", QUESTION, cells, run, table, figure, events=54)

@@ -33,7 +33,7 @@ from alloc.run.driving import NO_COMMAND, TrainSense, drive
 from alloc.run.event import Event
 from alloc.schema.tables import Rows
 from studies.runner.study import WIDE, Cell, Row, Study
-from studies.statistics import Claim, Interval, Statement, forest, judge, mean
+from studies.statistics import Claim, Interval, Statement, draw_forest, judge, mean
 
 Floats = NDArray[np.float64]
 
@@ -97,18 +97,20 @@ class Route:
         return speed, self.rate if rises else 0.0
 
 
-def route(kind: str, tunnel_factor: float, load: float, gradient: float, cruise: float) -> Route:
+def make_route(
+    name: str, tunnel_factor: float, load: float, gradient: float, cruise: float
+) -> Route:
     """A tunnel, a climb and a descent; `load` as a share of a full one, `gradient` as rise per run, `cruise` [m/s]."""
-    of = KINDS[kind]
-    train = find_train(of.train)
-    train = train.loaded((load * of.full_load,) * len(train.cars))
-    x = (of.tunnel + of.stretch * np.arange(6)).tolist()
+    kind = KINDS[name]
+    train = find_train(kind.train)
+    train = train.loaded((load * kind.full_load,) * len(train.cars))
+    x = (kind.tunnel + kind.stretch * np.arange(6)).tolist()
     grades = (0.0, gradient, 0.0, -gradient, 0.0)
     line = Line((0.0, *x[2:]), grades, ((x[0], x[1]),), tunnel_factor, spacing=1.0)
-    first = min(of.first, cruise - 8.0)
-    ramp = (cruise - first) / of.rate
-    rest = x[5] + of.stretch - START * first - 0.5 * (first + cruise) * ramp
-    return Route(train, line, first, cruise, of.rate, round(START + ramp + rest / cruise, 1))
+    first = min(kind.first, cruise - 8.0)
+    ramp = (cruise - first) / kind.rate
+    rest = x[5] + kind.stretch - START * first - 0.5 * (first + cruise) * ramp
+    return Route(train, line, first, cruise, kind.rate, round(START + ramp + rest / cruise, 1))
 
 
 # What the train knows of its line, and the force that a motion needs there.
@@ -119,14 +121,14 @@ Ends = tuple[float, float]
 class LineMemory:
     """Section memory 72 and gradient memory 75 of Fig. 2, read in the middle of the train, or `by_car` of every car."""
 
-    def __init__(self, of: Route, by_car: bool = False) -> None:
-        self.line, self.changes, self.length = of.line, of.changes, of.train.length
-        cars = [(car.length, car.loaded_mass) for car in of.train.cars]
-        lengths, masses = np.array(cars if by_car else [(self.length, of.train.mass)]).T
+    def __init__(self, route: Route, by_car: bool = False) -> None:
+        self.line, self.changes, self.length = route.line, route.changes, route.train.length
+        cars = [(car.length, car.loaded_mass) for car in route.train.cars]
+        lengths, masses = np.array(cars if by_car else [(self.length, route.train.mass)]).T
         self.points = 0.5 * lengths - np.cumsum(lengths)
         # air resistance counts by length, gradients by mass
         self.air, self.mass = lengths / lengths.sum(), masses / masses.sum()
-        grades = np.array(of.line.grades)
+        grades = np.array(route.line.grades)
         self.slopes = GRAVITY * grades / np.sqrt(1.0 + grades * grades)  # g sin(theta), (1)
 
     def read(self, position: float) -> tuple[float, float]:
@@ -137,7 +139,7 @@ class LineMemory:
         section = np.searchsorted(self.line.stations[1:], x, side="right")
         return float(inside @ self.air), float(self.slopes[section] @ self.mass)
 
-    def changing(self, position: float) -> bool:
+    def is_changing(self, position: float) -> bool:
         """Whether running resistance changes under the train."""
         return any(position - self.length < x <= position for x, _ in self.changes)
 
@@ -165,18 +167,18 @@ class Samples:
     begins anew, so that no sample mixes the open and a tunnel.
     """
 
-    def __init__(self, of: Route, memory: LineMemory, count: int) -> None:
-        self.wheelsets, self.memory, self.count = of.train.rotating_mass, memory, count
+    def __init__(self, route: Route, memory: LineMemory, count: int) -> None:
+        self.wheelsets, self.memory, self.count = route.train.rotating_mass, memory, count
         self.state: Floats | None = None
         self.taken = 0
 
-    def add(self, x: Ends, v: Ends, force: float, feedback: float = 0.0) -> Floats | None:
+    def add_sample(self, x: Ends, v: Ends, force: float, feedback: float = 0.0) -> Floats | None:
         """Z, force less what turns the wheelsets [N], and `feedback` [N], low-passed; (count + 2,).
 
         After a period with positions `x` [m] and speeds `v` [m/s] at its ends, under the motors' `force` [N].
         """
         middle, a = 0.5 * (x[0] + x[1]), (v[1] - v[0]) / PERIOD
-        if self.memory.changing(middle):
+        if self.memory.is_changing(middle):
             self.state = None
             return None
         tunnel, slope = self.memory.read(middle)
@@ -198,9 +200,9 @@ def gradient(gain: float) -> Learner:
     return lambda z, error: gain * error * z
 
 
-def normalised(rate: float, of: Route) -> Learner:
+def normalised_gradient(rate: float, route: Route) -> Learner:
     """The gradient in Z over its size on a route, by steps that remove the share `rate` of a sample's error."""
-    typical = np.array([of.cruise**2, of.cruise**2, of.rate])
+    typical = np.array([route.cruise**2, route.cruise**2, route.rate])
 
     def step(z: Floats, error: float) -> Floats:
         scaled = z / typical
@@ -265,7 +267,7 @@ class SpeedControl:
     I_FB by PI control if `integral`, else by P control; `seed` of the measured speed's noise, None for no noise.
     """
 
-    of: Route
+    route: Route
     case: str
     integral: bool
     weights: Floats
@@ -273,21 +275,21 @@ class SpeedControl:
     seed: int | None
 
     def __post_init__(self) -> None:
-        of, self.adds = self.of, CASES[self.case]
-        self.memory = LineMemory(of, by_car=self.case in ("cars", "exact"))
-        self.samples = Samples(of, self.memory, self.weights.size)
+        route, self.adds = self.route, CASES[self.case]
+        self.memory = LineMemory(route, by_car=self.case in ("cars", "exact"))
+        self.samples = Samples(route, self.memory, self.weights.size)
         self.alternates = self.adds in ("learnt", "learnt alone")
         self.using, self.since, self.square = not self.alternates, 0.0, math.nan
         self.noise = None if self.seed is None else np.random.default_rng(self.seed)
-        empty = of.train.loaded((0.0,) * len(of.train.cars))
+        empty = route.train.loaded((0.0,) * len(route.train.cars))
         self.gain = (empty.mass + empty.rotating_mass) / TIME_CONSTANT
         self.integral_gain = self.gain / RESET_TIME if self.integral else 0.0
         self.integrator = 0.0
         self.limits = (
-            rows_of_train(of.train).effort[0],
-            rows_of_train(of.train).retard[0],
+            rows_of_train(route.train).effort[0],
+            rows_of_train(route.train).retard[0],
         )  # alike in all
-        self.rim = float(rim_force(of.train).sum())
+        self.rim = float(rim_force(route.train).sum())
         self.log: list[tuple[float, ...]] = []  # per period, as `LOGGED`
         self.before: tuple[float, float, float, float, bool] | None = None
 
@@ -296,9 +298,9 @@ class SpeedControl:
         x, v = sense.position, sense.speed
         if self.noise is not None:
             v += NOISE * float(self.noise.standard_normal())
-        wanted, rate = self.of.command(sense.time)
-        error, ahead = self.learn(x, v), self.ahead(x, v, wanted, rate)
-        if self.alternates and error is not None and self.switched(error) and self.integral_gain:
+        wanted, rate = self.route.command(sense.time)
+        error, ahead = self.learn(x, v), self.feed_forward(x, v, wanted, rate)
+        if self.alternates and error is not None and self.switch_use(error) and self.integral_gain:
             # what I_FF gives from now on the integrator need not give, and the other way round
             self.integrator -= ahead if self.using else -ahead
         back = self.gain * (wanted - v) + self.integrator
@@ -308,12 +310,12 @@ class SpeedControl:
         limits = self.limits[force < 0.0]
         limit = float(np.interp(abs(v), EFFORT_SPEED_STEP * np.arange(limits.size), limits))
         units.applied = torque = min(max(force / self.rim, -limit), limit)
-        given = self.rim * torque
-        bounded = abs(force - given) > 1e-9 * max(abs(force), 1e3)
-        if not bounded or (force - given) * (wanted - v) <= 0.0:  # anti-windup
+        applied = self.rim * torque
+        bounded = abs(force - applied) > 1e-9 * max(abs(force), 1e3)
+        if not bounded or (force - applied) * (wanted - v) <= 0.0:  # anti-windup
             self.integrator += self.integral_gain * (wanted - v) * PERIOD
-        self.log.append((wanted, rate, back, given, self.using))
-        self.before = (x, v, given, back, bounded)
+        self.log.append((wanted, rate, back, applied, self.using))
+        self.before = (x, v, applied, back, bounded)
 
     def learn(self, x: float, v: float) -> float | None:
         """Learn from the period that has passed; the error that the switch looks at [N]."""
@@ -323,7 +325,7 @@ class SpeedControl:
         if bounded:  # I_FB is not what acted
             self.samples.state = None
             return None
-        sample = self.samples.add((x0, x), (v0, v), force, feedback)
+        sample = self.samples.add_sample((x0, x), (v0, v), force, feedback)
         if sample is None:
             return None
         z, (force, feedback) = sample[:-2], sample[-2:].tolist()
@@ -333,26 +335,26 @@ class SpeedControl:
         self.weights = self.weights + self.learner(z, model if self.alternates else feedback)
         return model
 
-    def switched(self, error: float) -> bool:
+    def switch_use(self, error: float) -> bool:
         """Switch command 187 of Fig. 6: take the error of a period [N]; whether use begins or ends."""
         last = error * error if math.isnan(self.square) else self.square
         self.square = last + PERIOD / WINDOW * (error * error - last)
         self.since += PERIOD
-        size = math.sqrt(self.square) / (self.of.train.mass + self.of.train.rotating_mass)
+        size = math.sqrt(self.square) / (self.route.train.mass + self.route.train.rotating_mass)
         if self.since < WINDOW or not (size > LEARN if self.using else size < USE):
             return False
         self.using, self.since, self.square = not self.using, 0.0, math.nan
         self.samples.state = None
         return True
 
-    def ahead(self, x: float, v: float, wanted: float, rate: float) -> float:
+    def feed_forward(self, x: float, v: float, wanted: float, rate: float) -> float:
         """I_FF [N], used or not."""
         if self.adds == "nothing":
             return 0.0
         tunnel, slope = self.memory.read(x)
         speed, a = (v, 0.0) if self.adds == "measured" else (wanted, rate)
         z = regressors(speed, a + slope, tunnel, self.weights.size)
-        return float(z @ self.weights) + self.of.train.rotating_mass * a
+        return float(z @ self.weights) + self.route.train.rotating_mass * a
 
 
 # Runs, and what they teach afterwards.
@@ -363,48 +365,50 @@ LEARNING_TIME = 10.0
 """Of learning while compensating [s]: it acts like an integrator on I_FB, slower than the loop."""
 
 
-def drive_case(of: Route, case: str, integral: bool, wrong: Floats, seed: int | None) -> xr.Dataset:
+def drive_case(
+    route: Route, case: str, integral: bool, wrong: Floats, seed: int | None
+) -> xr.Dataset:
     """A run in a case of `CASES`, with `LOGGED` and the weights at its end.
 
     `wrong` (3,): factors of coefficients that are wrong, or with which learning begins.
     """
-    true = of.weights(5 if case == "exact" else 3)
+    true = route.weights(5 if case == "exact" else 3)
     weights = wrong * true if case in ("wrong", "learned", "use", "printed") else true
     learner: Learner | None = None
     if case in ("use", "printed"):
         learner = least_squares(0.5 * true)
     elif case == "learned":
-        learner = normalised(PERIOD / LEARNING_TIME, of)
+        learner = normalised_gradient(PERIOD / LEARNING_TIME, route)
         earlier = None if seed is None else seed + 1
-        first = SpeedControl(of, case, integral, weights, learner, earlier)
-        weights = _driven(of, first)["weights"].values
-    return _driven(of, SpeedControl(of, case, integral, weights, learner, seed))
+        first = SpeedControl(route, case, integral, weights, learner, earlier)
+        weights = _drive_route(route, first)["weights"].values
+    return _drive_route(route, SpeedControl(route, case, integral, weights, learner, seed))
 
 
-def _driven(of: Route, control: SpeedControl) -> xr.Dataset:
+def _drive_route(route: Route, control: SpeedControl) -> xr.Dataset:
     """A run on a rail that no torque here overstrains."""
-    event = Event(
-        "route", of.train, Rail(0.3), NO_COMMAND, Onboard(period=PERIOD), of.line,
-        duration=of.duration + PERIOD, initial_speed=of.first, step=PERIOD,
-    )  # fmt: skip
-    run = drive(event, control)
-    noted = zip(LOGGED, np.array(control.log).T, strict=True)
-    log = xr.Dataset({name: ("time", values) for name, values in noted})
+    course: Row = {"duration": route.duration + PERIOD, "initial_speed": route.first}
+    course |= {"onboard": Onboard(period=PERIOD), "line": route.line, "step": PERIOD}
+    run = drive(Event("route", route.train, Rail(0.3), NO_COMMAND, **course), control)
+    series = zip(LOGGED, np.array(control.log).T, strict=True)
+    log = xr.Dataset({name: ("time", values) for name, values in series})
     return run.merge(log.assign(weights=("weight", control.weights)))
 
 
-def learn_alone(of: Route, run: xr.Dataset, learner: Learner, weights: Floats, seed: int) -> Floats:
+def learn_alone(
+    route: Route, run: xr.Dataset, learner: Learner, weights: Floats, seed: int
+) -> Floats:
     """Claims 6 and 7: weights after a recorded `run`, from the force of its motors and the measured V and a.
 
     Par. 0049 calls Fig. 7 claim 6, but it shows the error of claim 7, which is taken here.
     """
-    rim = rim_force(of.train)
+    rim = rim_force(route.train)
     force = run["motor_torque"].values[1:] @ rim  # what is asked of a period acts at its end
     x, v = run["position"].values, run["car_speed"].values[:, 0]
     v = v + NOISE * np.random.default_rng(seed).standard_normal(v.size)
-    samples = Samples(of, LineMemory(of), weights.size)
+    samples = Samples(route, LineMemory(route), weights.size)
     for k in range(x.size - 1):
-        sample = samples.add((x[k], x[k + 1]), (v[k], v[k + 1]), force[k])
+        sample = samples.add_sample((x[k], x[k + 1]), (v[k], v[k + 1]), force[k])
         if sample is not None:
             z, pull = sample[:-2], sample[-2]
             weights = weights + learner(z, float(pull - weights @ z))
@@ -431,23 +435,24 @@ def draw(seed: int, event: int) -> tuple[str, bool, Route, Floats, tuple[float, 
     wrong = 1.0 + WRONG * g.choice([-1.0, 1.0], 3)
     fill = g.uniform(0.3, 1.0)
     loads = KINDS["commuter"].full_load * np.clip(fill + 0.15 * g.standard_normal(8), 0.0, 1.2)
-    return kind, integral, route(kind, factor, load, steep, cruise), wrong, tuple(loads.tolist())
+    route = make_route(kind, factor, load, steep, cruise)
+    return kind, integral, route, wrong, tuple(loads.tolist())
 
 
 def run(seed: int, event: int) -> Row:
     """All cases of an event, the learners that stand alone, and the mass after a boarding."""
-    kind, integral, of, wrong, loads = draw(seed, event)
+    kind, integral, route, wrong, loads = draw(seed, event)
     noise = 1000 * seed + 10 * event
     row: Row = {"train": kind, "control": "PI" if integral else "P"}
     for case in CASES:
-        done = drive_case(of, case, integral, wrong, noise)
-        row |= {f"{case}_{key}": value for key, value in measured(of, done).items()}
+        recording = drive_case(route, case, integral, wrong, noise)
+        row |= {f"{case}_{key}": value for key, value in measure_run(route, recording).items()}
         if case == "feedback":
-            row |= learnt_alone(of, done, noise)
-    return row | boarded(loads, noise)
+            row |= measure_learners(route, recording, noise)
+    return row | measure_boarding(loads, noise)
 
 
-def measured(of: Route, run: xr.Dataset) -> Row:
+def measure_run(route: Route, run: xr.Dataset) -> Row:
     """Mean disturbances at tunnel mouths and gradient changes, I_FB over the force, and how claim 5 fares.
 
     A disturbance is sought from the front's arrival at a change. Speed [m/s] counts from its deviation there, acceleration
@@ -457,11 +462,11 @@ def measured(of: Route, run: xr.Dataset) -> Row:
     speed = (run["speed"] - run["commanded_speed"]).values
     pull = (run["acceleration"] - run["commanded_acceleration"]).values
     jolt, felt = car_jerk(run)[:, 0], []
-    for at, place in of.changes:
-        begin, rear = np.searchsorted(x, [at, at + of.train.length])
+    for at, place in route.changes:
+        begin, rear = np.searchsorted(x, [at, at + route.train.length])
         end = np.searchsorted(time, time[min(rear, time.size - 1)] + SETTLE)
         w = slice(begin, end)
-        moved, shaken, jolted = (np.abs(one) for one in (speed[w] - speed[begin], pull[w], jolt[w]))
+        moved, shaken, jolted = map(np.abs, (speed[w] - speed[begin], pull[w], jolt[w]))
         rms = np.sqrt(np.mean(shaken**2))
         felt.append((place, moved.max(), shaken.max(), rms, jolted.max()))
     means = pd.DataFrame(felt, columns=["place", *QUANTITIES]).groupby("place").mean()
@@ -472,36 +477,37 @@ def measured(of: Route, run: xr.Dataset) -> Row:
         "feedback": float(np.sqrt(np.mean(back**2) / np.mean(force**2))),
         "share": float(used.mean()),
         "error": float(in_use.max()) if in_use.size else math.nan,
-        "W3": run["weights"].values[2] / of.train.mass,
+        "W3": run["weights"].values[2] / route.train.mass,
     }
 
 
-def learnt_alone(of: Route, run: xr.Dataset, seed: int) -> Row:
+def measure_learners(route: Route, run: xr.Dataset, seed: int) -> Row:
     """Weights of every learner over the true ones after a `run`, from weights 30 % wrong."""
-    begin = np.array([1.0 + WRONG, 1.0 - WRONG, 1.0 - WRONG, 0.0, 0.0]) * of.weights(5)
-    doubt = np.append(0.5 * of.weights(), [5e3, 300.0])
-    gain = of.cruise**-4  # half of that from which a step of (5) overshoots, 2/|Z|^2
-    learners = gradient(gain), normalised(0.02, of), least_squares(doubt[:3]), least_squares(doubt)
-    a, b, c = of.train.resistance
-    row: Row = {"equivalent_W1": 1.0 + b / (c * of.cruise) + a / (c * of.cruise**2)}
+    begin = np.array([1.0 + WRONG, 1.0 - WRONG, 1.0 - WRONG, 0.0, 0.0]) * route.weights(5)
+    doubt = np.append(0.5 * route.weights(), [5e3, 300.0])
+    gain = route.cruise**-4  # half of that from which a step of (5) overshoots, 2/|Z|^2
+    learners = [gradient(gain), normalised_gradient(0.02, route)]
+    learners += [least_squares(doubt[:3]), least_squares(doubt)]
+    a, b, c = route.train.resistance
+    row: Row = {"equivalent_W1": 1.0 + b / (c * route.cruise) + a / (c * route.cruise**2)}
     for name, learner in zip(ALONE, learners, strict=True):
         count = 5 if name == "five_weights" else 3
-        found = learn_alone(of, run, learner, begin[:count], seed) / of.weights(count)
-        row |= {f"{name}_W{k + 1}": found[k] for k in range(3)}
+        weights = learn_alone(route, run, learner, begin[:count], seed) / route.weights(count)
+        row |= {f"{name}_W{k + 1}": weights[k] for k in range(3)}
     return row
 
 
-def boarded(loads: tuple[float, ...], seed: int) -> Row:
+def measure_boarding(loads: tuple[float, ...], seed: int) -> Row:
     """Error of the commuter train's mass, learnt on its first departure with `loads`; it knows the resistance when empty."""
     empty, line = find_train(KINDS["commuter"].train), Line(tunnel_factor=2.0, spacing=1.0)
-    of = Route(empty.loaded(loads), line, first=0.0, cruise=15.0, rate=0.5, duration=60.0)
-    run = drive_case(of, "feedback", True, np.ones(3), seed=None)
-    row: Row = {"mass_before": empty.mass / of.train.mass - 1.0}
+    route = Route(empty.loaded(loads), line, first=0.0, cruise=15.0, rate=0.5, duration=60.0)
+    run = drive_case(route, "feedback", True, np.ones(3), seed=None)
+    row: Row = {"mass_before": empty.mass / route.train.mass - 1.0}
     for name, count in (("three", 3), ("five", 5)):
-        known = replace(of, train=empty).weights(count)
-        doubt = np.where(np.arange(count) == 2, known, 0.05 * known)
-        mass = learn_alone(of, run, least_squares(doubt), known, seed)[2]
-        row[f"mass_{name}"] = mass / of.train.mass - 1.0
+        prior = replace(route, train=empty).weights(count)
+        doubt = np.where(np.arange(count) == 2, prior, 0.05 * prior)
+        mass = learn_alone(route, run, least_squares(doubt), prior, seed)[2]
+        row[f"mass_{name}"] = mass / route.train.mass - 1.0
     return row
 
 
@@ -510,28 +516,33 @@ def cells(events: int, seed: int) -> list[Cell]:
     return [Cell(f"{seed}/{k}", (seed, k), {"event": k}) for k in range(events)]
 
 
-def over(rows: pd.DataFrame, what: str, case: str, other: str = "feedback") -> "pd.Series[float]":
+def ratio_to_case(
+    rows: pd.DataFrame, disturbance: str, case: str, reference: str = "feedback"
+) -> "pd.Series[float]":
     """A disturbance at a place, such as jerk_peak_mouth, in a case over that in another."""
-    return rows[f"{case}_{what}"] / rows[f"{other}_{what}"]
+    return rows[f"{case}_{disturbance}"] / rows[f"{reference}_{disturbance}"]
 
 
 def statements(rows: pd.DataFrame) -> list[Statement]:
     """Verdicts as one family, and by train and control. Bounds were fixed beforehand: less disturbance is below 1, as steady
     is below 1.25, learnt is within 5 %, nearly zero is below 5 %."""
-    rows, found = rows[rows["status"] == "ok"], []
+    rows, claims = rows[rows["status"] == "ok"], []
     for quantity, place in product(QUANTITIES, PLACES):
-        what = quantity.replace("_", " ")
+        label = quantity.replace("_", " ")
         for case, reading in (("compensation", ""), ("cars", " car by car")):
             text = "compensation lessens it; over feedback alone"
-            values = over(rows, f"{quantity}_{place}", case)
-            found.append(Claim(f"1, 2: {what},{reading} {place}", text, values, most=1.0, digits=2))
+            values = ratio_to_case(rows, f"{quantity}_{place}", case)
+            name = f"1, 2: {label},{reading} {place}"
+            claims.append(Claim(name, text, values, most=1.0, digits=2))
     for place, where in PLACES.items():
-        wrong, learned = (over(rows, f"speed_peak_{place}", case, "compensation")
-                          for case in ("wrong", "learned"))  # fmt: skip
+        wrong, learned = (
+            ratio_to_case(rows, f"speed_peak_{place}", case, "compensation")
+            for case in ("wrong", "learned")
+        )
         text = f"wrong coefficients disturb the speed more at a {where}, over true ones"
-        found.append(Claim(f"1, 2: wrong, {place}", text, wrong, least=1.0, digits=2))
+        claims.append(Claim(f"1, 2: wrong, {place}", text, wrong, least=1.0, digits=2))
         text = f"learnt ones keep the speed as steady at a {where}, over true ones"
-        found.append(Claim(f"3, 4: steady, {place}", text, learned, most=1.25, digits=2))
+        claims.append(Claim(f"3, 4: steady, {place}", text, learned, most=1.25, digits=2))
     becomes, air = "W3 becomes the mass", rows["least_squares_W1"]
     errors = [
         ("3, 4: I_FB", "with true weights I_FB is nearly zero; over I", rows["exact_feedback"]),
@@ -541,18 +552,18 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
         ("boarding", "mass learnt on a departure, five weights; error", rows["mass_five"]),
         ("boarding, three", "the same, three weights", rows["mass_three"]),
     ]
-    for one in ALONE:
-        name, error = one.replace("_", " "), rows[f"{one}_W3"] - 1.0
+    for learner in ALONE:
+        name, error = learner.replace("_", " "), rows[f"{learner}_W3"] - 1.0
         errors.append((f"7: mass, {name}", f"{becomes} without acting, {name}; error", error))
     for name, text, error in errors:
-        found.append(Claim(name, f"{text} [%]", error.abs(), most=0.05, digits=1, scale=100.0))
+        claims.append(Claim(name, f"{text} [%]", error.abs(), most=0.05, digits=1, scale=100.0))
     text = "what was learnt is in use for most of the run [%]"
-    found.append(Claim("5: in use", text, rows["use_share"], least=0.5, digits=1, scale=100.0))
+    claims.append(Claim("5: in use", text, rows["use_share"], least=0.5, digits=1, scale=100.0))
     text = "without feedback, as printed, the speed stays within 1 m/s while it is in use [m/s]"
-    found.append(Claim("5: as printed", text, rows["printed_error"], most=1.0, digits=2))
+    claims.append(Claim("5: as printed", text, rows["printed_error"], most=1.0, digits=2))
     parts = {f"the {kind} train": rows["train"] == kind for kind in KINDS}
     parts |= {f"{control} control": rows["control"] == control for control in ("P", "PI")}
-    return judge([one._replace(parts=parts) for one in found])
+    return judge([claim._replace(parts=parts) for claim in claims])
 
 
 COLUMNS = {
@@ -564,19 +575,19 @@ COLUMNS = {
 """Cases beside the feedback alone, as table and figure call them."""
 
 
-def compared(rows: pd.DataFrame, quantity: str, place: str) -> dict[str, Interval]:
+def compare_cases(rows: pd.DataFrame, quantity: str, place: str) -> dict[str, Interval]:
     """A disturbance over that of the feedback alone, by case."""
-    good, what = rows[rows["status"] == "ok"], f"{quantity}_{place}"
-    return {words: mean(over(good, what, case)) for case, words in COLUMNS.items()}
+    good, disturbance = rows[rows["status"] == "ok"], f"{quantity}_{place}"
+    return {name: mean(ratio_to_case(good, disturbance, case)) for case, name in COLUMNS.items()}
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Disturbances over those of the feedback alone: mean over events and its 95 % interval."""
     lines = []
     for quantity, (place, where) in product(QUANTITIES, PLACES.items()):
-        found = compared(rows, quantity, place)
+        numbers = compare_cases(rows, quantity, place)
         line = {"disturbance": f"{quantity.replace('_', ' ')}, {where}"}
-        lines.append(line | {words: one.text() for words, one in found.items()})
+        lines.append(line | {heading: number.text() for heading, number in numbers.items()})
     return pd.DataFrame(lines)
 
 
@@ -584,8 +595,9 @@ def figure(rows: pd.DataFrame) -> Figure:
     """The same as points."""
     drawn = Figure(figsize=(WIDE, 1.8), layout="constrained")
     for axes, quantity in zip(drawn.subplots(1, 4, sharey=True), QUANTITIES, strict=True):
-        found = [compared(rows, quantity, place) for place in PLACES]
-        forest(axes, {words: [one[words] for one in found] for words in found[0]}, bound=1.0)
+        numbers = [compare_cases(rows, quantity, place) for place in PLACES]
+        by_case = {name: [at_place[name] for at_place in numbers] for name in numbers[0]}
+        draw_forest(axes, by_case, bound=1.0)
         axes.set(xlim=(0.0, None), title=quantity.replace("_", " "))
     drawn.supxlabel("over the feedback alone [1]; circles: mouths, squares: gradient changes")
     return drawn

@@ -25,11 +25,11 @@ from alloc.plant.rows import rows_of_train
 from alloc.rules import RULES
 from alloc.run.event import Event
 from alloc.run.simulation import simulate
-from studies import StudyError
 from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario
-from studies.runner.study import WIDE, Cell, Row, Study
-from studies.statistics import Claim, Numbers, Statement, judge, means
+from studies.runner.study import WIDE, Cell, Row, Study, StudyError
+from studies.standing import Statistic
+from studies.statistics import Claim, Statement, judge
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -40,12 +40,12 @@ SIGMA, LEAD = 0.012, 4
 """Standard deviation of measured coefficients about the planned one, par. 0054; axles of the lead car, whose mean counts."""
 
 
-def planned(speed: Floats) -> Floats:
+def plan_at(speed: Floats) -> Floats:
     """Coefficient that an automatic brake asks for at `speed` [m/s], (12)."""
     return np.asarray(speed_law(speed, *SPEED_LAWS["shinkansen"]))
 
 
-def drawn_counts(axles: int, brakings: int, seed: int = 0) -> Counts:
+def draw_counts(axles: int, brakings: int, seed: int = 0) -> Counts:
     """Slides per axle over some brakings, drawn from (14) and (15), (axles,); the counts of Fig. 11 are lost."""
     often = norm.cdf(-logarithmic_increments(axles) / SIGMA)
     return np.random.default_rng(seed).poisson(brakings * often)
@@ -62,29 +62,29 @@ def axle_shifts(slides: Counts) -> tuple[Floats, Floats]:
     if average == 0.0:
         raise StudyError("slides: the lead car never slid, so there is no reference")
     ratio = count / (2.0 * average)
-    known = (ratio > 0.0) & (ratio < 1.0)
-    k = np.where(known, -norm.ppf(np.where(known, ratio, 0.5)), np.nan)
-    change = np.diag(1.0 / np.where(known, count, 1.0)) - lead / (LEAD * average)
+    usable = (ratio > 0.0) & (ratio < 1.0)
+    k = np.where(usable, -norm.ppf(np.where(usable, ratio, 0.5)), np.nan)
+    change = np.diag(1.0 / np.where(usable, count, 1.0)) - lead / (LEAD * average)
     jacobian = -SIGMA * (ratio / norm.pdf(k))[:, None] * change
     return SIGMA * k, jacobian * count @ jacobian.T
 
 
-def fit(shift: Floats, covariance: Floats) -> tuple[float, float]:
+def fit_slope(shift: Floats, covariance: Floats) -> tuple[float, float]:
     """Slope of k_j sigma over ln j and its standard error; axles count by their errors, the lead car's mean is 0, (15)."""
-    known = np.flatnonzero(np.isfinite(shift))
-    if known.size < 3:
-        raise StudyError(f"slides: {known.size} axles with a usable count; a line needs 3 at least")
-    log, weight = np.log(known + 1.0), 1.0 / np.diag(covariance)[known]
+    usable = np.flatnonzero(np.isfinite(shift))
+    if usable.size < 3:
+        raise StudyError(f"slides: {usable.size} axles with a usable count; a line needs 3")
+    log, weight = np.log(usable + 1.0), 1.0 / np.diag(covariance)[usable]
     centred = log - np.average(log, weights=weight)
     gain = weight * centred / (weight @ centred**2)
-    variance = gain @ covariance[np.ix_(known, known)] @ gain
-    return float(gain @ shift[known]), float(np.sqrt(variance))
+    variance = gain @ covariance[np.ix_(usable, usable)] @ gain
+    return float(gain @ shift[usable]), float(np.sqrt(variance))
 
 
 def unit_increments(per_axle: Floats, axle_unit: NDArray[np.int64]) -> Floats:
     """Mean over a unit's axles less that of the foremost unit, (units,); `axle_unit` (axles,) is -1 for axles of none."""
-    found = np.array([per_axle[axle_unit == j].mean() for j in range(int(axle_unit.max()) + 1)])
-    return found - found[0]
+    means = np.array([per_axle[axle_unit == j].mean() for j in range(int(axle_unit.max()) + 1)])
+    return means - means[0]
 
 
 # Learning from recorded runs.
@@ -127,9 +127,9 @@ class Stored:
         self.behind, self.updates = np.full(n, ORIGINAL), np.zeros(n, dtype=int)
         self.waiting: list[list[float]] = [[] for _ in range(n)]
 
-    def learn(self, arm: Arm, found: Iterable[tuple[int, float]]) -> None:
+    def learn(self, arm: Arm, data: Iterable[tuple[int, float]]) -> None:
         """Take data of units."""
-        for j, datum in found:
+        for j, datum in data:
             if arm.learner == "mean":
                 self.waiting[j].append(datum)
             elif arm.learner == "gaussian":
@@ -146,7 +146,7 @@ class Stored:
                 new.clear()
 
 
-def data(run: xr.Dataset, event: Event, held: bool) -> list[tuple[int, float]]:
+def collect_data(run: xr.Dataset, event: Event, held: bool) -> list[tuple[int, float]]:
     """Unit and datum of each slip behind the leader in a `run`, in the order of their receipt.
 
     The train is sound and its telegrams arrive: a slip is told in the next one. `held`: see `Arm`; the leader's last slip
@@ -155,17 +155,17 @@ def data(run: xr.Dataset, event: Event, held: bool) -> list[tuple[int, float]]:
     time, estimate = run["time"].values, run["coefficient_estimate"].values
     telegrams, hold = event.onboard.telegrams, event.onboard.hold_time
     slips = np.argwhere(np.diff(run["slipping"].values, axis=0, prepend=0) > 0)
-    own, found = slips[slips[:, 1] == 0, 0], list[tuple[int, int, float]]()
+    leader, received = slips[slips[:, 1] == 0, 0], list[tuple[int, int, float]]()
     for at, unit in slips[slips[:, 1] > 0]:
         after = np.ceil(time[at] / telegrams.period - 1e-6)
         receipt = after * telegrams.period + telegrams.latency
         k = round(float(receipt / (time[1] - time[0])))
-        before = own[own <= k]
+        before = leader[leader <= k]
         if k >= time.size or (held and not (before.size and receipt - time[before[-1]] <= hold)):
             continue
         reference = estimate[before[-1] if held else k, 0]
-        found.append((k, int(unit), float(estimate[at, unit] - reference)))
-    return [(unit, datum) for _, unit, datum in sorted(found)]
+        received.append((k, int(unit), float(estimate[at, unit] - reference)))
+    return [(unit, datum) for _, unit, datum in sorted(received)]
 
 
 # The study: an event is a train in one running direction, which starts at every station of a line.
@@ -189,7 +189,7 @@ METRIC_NAMES = ("effort_ratio", "slip_time", "damage")
 RULE, CONTROLLER = RULES["exact"].with_belief("any detected"), "cut-and-ramp"
 
 
-def start(base: Scenario, kind: Kind, event: int, station: int, seed: int) -> Event:
+def make_start(base: Scenario, kind: Kind, event: int, station: int, seed: int) -> Event:
     """A start at a station, the same in every arm; trains run forward in even events, backward in odd ones."""
     train, backward = divmod(event, 2)
     numbers = (seed, train, KINDS.index(kind), backward, station)
@@ -202,39 +202,40 @@ def start(base: Scenario, kind: Kind, event: int, station: int, seed: int) -> Ev
 
 def run(base: Scenario, kind: Kind, arm: str, event: int, seed: int, stations: int) -> list[Row]:
     """All starts of an event; `base` is the scenario of a start on a wet rail."""
-    how, rows, stored = ARMS[arm], list[Row](), None
+    learning, rows, stored = ARMS[arm], list[Row](), None
     for station in range(1, stations + 1):
-        own = start(base, kind, event, station, seed)
+        start = make_start(base, kind, event, station, seed)
         truth = unit_increments(
-            np.array(own.rail.increments), rows_of_train(own.train).wheelsets.unit
+            np.array(start.rail.increments), rows_of_train(start.train).wheelsets.unit
         )
         if stored is None:
-            stored = Stored((1.0 if how.learner == "truth" else AT_FIRST[kind[1]]) * truth)
-        belief = replace(own.onboard.belief, unit_increments=tuple(stored.increment.tolist()))
-        found = simulate(
-            replace(own, onboard=replace(own.onboard, belief=belief)), RULE, CONTROLLER
+            stored = Stored((1.0 if learning.learner == "truth" else AT_FIRST[kind[1]]) * truth)
+        belief = replace(start.onboard.belief, unit_increments=tuple(stored.increment.tolist()))
+        recording = simulate(
+            replace(start, onboard=replace(start.onboard, belief=belief)), RULE, CONTROLLER
         )
-        heard = {name: data(found, own, name == "held") for name in ("received", "held")}
-        stored.learn(how, heard["held" if how.held else "received"])
+        kinds = ("received", "held")
+        data = {name: collect_data(recording, start, name == "held") for name in kinds}
+        stored.learn(learning, data["held" if learning.held else "received"])
         row: Row = {"station": station, "error": float(np.abs(stored.increment - truth)[1:].max())}
-        for name, items in heard.items():
-            row[f"data_{name}"] = len(items)
-            row[f"above_{name}"] = float(sum(datum - truth[j] for j, datum in items))
-        rows.append(row | {name: float(METRICS[name].function(found)) for name in METRIC_NAMES})
+        for name, received in data.items():
+            row[f"data_{name}"] = len(received)
+            row[f"above_{name}"] = float(sum(datum - truth[j] for j, datum in received))
+        rows.append(row | {name: float(METRICS[name].function(recording)) for name in METRIC_NAMES})
     return rows
 
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Every event on each kind of rail and with each kind of stored increments, in every arm."""
-    base, found = load_scenario("wet-start"), []
+    base, cells = load_scenario("wet-start"), []
     for event, kind, arm in product(range(events), KINDS, ARMS):
         columns = {"rail": kind[0], "at_first": kind[1], "arm": arm, "event": event}
         name = f"{kind[0]}/{kind[1]}/{arm}/{event}"
-        found.append(Cell(name, (base, kind, arm, event, seed, STATIONS), columns))
-    return found
+        cells.append(Cell(name, (base, kind, arm, event, seed, STATIONS), columns))
+    return cells
 
 
-def series(rows: pd.DataFrame) -> pd.DataFrame:
+def spread_arms(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per kind and event, with a column NAME_ARM for each number.
 
     These are: error after the last station; station from which it stays within `TOLERANCE`, nan for never; mean excess of
@@ -242,29 +243,29 @@ def series(rows: pd.DataFrame) -> pd.DataFrame:
     """
     rows = rows[rows["status"] == "ok"].sort_values("station")
     keys, last = ["rail", "at_first", "event", "arm"], rows["station"].max()
-    found = rows[rows["station"] > last // 2].groupby(keys)[list(METRIC_NAMES)].mean()
+    means = rows[rows["station"] > last // 2].groupby(keys)[list(METRIC_NAMES)].mean()
     groups = rows.groupby(keys)
-    found["error"] = groups["error"].last()
+    means["error"] = groups["error"].last()
     outside = rows[rows["error"] > TOLERANCE].groupby(keys)["station"].max()
-    until = outside.reindex(found.index).fillna(0.0) + 1.0
-    found["stations"] = until.where(until <= last)
+    until = outside.reindex(means.index).fillna(0.0) + 1.0
+    means["stations"] = until.where(until <= last)
     for reference in ("received", "held"):
         number = groups[f"data_{reference}"].sum()
-        found[f"excess_{reference}"] = groups[f"above_{reference}"].sum() / number.where(number > 0)
-    wide = found.unstack("arm")
+        means[f"excess_{reference}"] = groups[f"above_{reference}"].sum() / number.where(number > 0)
+    wide = means.unstack("arm")
     wide.columns = [f"{name}_{arm}" for name, arm in wide.columns]
     return wide.reset_index()
 
 
 def statements(rows: pd.DataFrame) -> list[Statement]:
     """Verdicts as one family, and by kind."""
-    by = series(rows)
+    by = spread_arms(rows)
     rail, first = by["rail"], by["at_first"]
     parts = {f"{a} rail, stored {b}": (rail == a) & (first == b) for a, b in KINDS}
     claims, stays = [], f"errors stay below {TOLERANCE} in most events"
     for arm in LEARNING:
         error, until = by[f"error_{arm}"], by[f"stations_{arm}"]
-        effort, words = by[f"effort_ratio_{arm}"], arm.replace("_", ", ")
+        effort, label = by[f"effort_ratio_{arm}"], arm.replace("_", ", ")
         gained, lost = effort - by["effort_ratio_none"], effort - by["effort_ratio_truth"]
         for name, text, values, least, digits in (
             ("learnt", stays, until.notna() * 1.0, 0.5, 2),
@@ -272,29 +273,29 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
             ("effort", "learning gains effort over the plan's", gained, 0.0, 4),
             ("as good", "true increments would gain little more", lost, -LITTLE, 4),
         ):
-            claims.append(Claim(f"{words}: {name}", text, values, least, digits=digits))
+            claims.append(Claim(f"{label}: {name}", text, values, least, digits=digits))
     for name in ("received", "held"):
         text = "data lie about the truth where true increments are stored"
         values = by[f"excess_{name}_truth"]
         claims.append(Claim(f"unbiased: {name}", text, values, -TOLERANCE, TOLERANCE, digits=4))
-    return judge([one._replace(parts=parts) for one in claims])
+    return judge([claim._replace(parts=parts) for claim in claims])
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
-    """By kind and arm: means over events and their 95 % intervals of the numbers of `series`."""
-    by, lines = series(rows), []
+    """By kind and arm: means over events and their 95 % intervals of the numbers of `spread_arms`."""
+    series, lines = spread_arms(rows), []
     for (rail, first), arm in product(KINDS, ARMS):
-        own = by[(by["rail"] == rail) & (by["at_first"] == first)]
+        numbers = series[(series["rail"] == rail) & (series["at_first"] == first)]
         reference = "held" if ARMS[arm].held else "received"
-        numbers: Numbers = {
-            "largest error": (f"error_{arm}", 4, 1.0),
-            "stations until learnt": (f"stations_{arm}", 1, 1.0),
-            "data above truth": (f"excess_{reference}_{arm}", 4, 1.0),
-            "effort [% of plan]": (f"effort_ratio_{arm}", 2, 100.0),
-            "slip time [axle s]": (f"slip_time_{arm}", 2, 1.0),
+        columns = {
+            "largest error": Statistic(f"error_{arm}", 4),
+            "stations until learnt": Statistic(f"stations_{arm}"),
+            "data above truth": Statistic(f"excess_{reference}_{arm}", 4),
+            "effort [% of plan]": Statistic(f"effort_ratio_{arm}", 2, 100.0),
+            "slip time [axle s]": Statistic(f"slip_time_{arm}", 2),
         }
         line = {"rail": rail, "stored": first, "learning": arm.replace("_", ", ")}
-        lines.append(line | means(own, numbers))
+        lines.append(line | {name: column.text(numbers) for name, column in columns.items()})
     return pd.DataFrame(lines)
 
 
@@ -305,8 +306,8 @@ def figure(rows: pd.DataFrame) -> Figure:
     panels = drawn.subplots(1, 2, sharey=True)
     for axes, rail in zip(panels, RAILS, strict=True):
         for arm in LEARNING:
-            own = high[(high["rail"] == rail) & (high["arm"] == arm)]
-            axes.plot(own.groupby("station")["error"].mean(), label=arm.replace("_", ", "))
+            errors = high[(high["rail"] == rail) & (high["arm"] == arm)]
+            axes.plot(errors.groupby("station")["error"].mean(), label=arm.replace("_", ", "))
         axes.set(xlabel="station", title=f"{rail} rail", ylim=(0.0, None))
     panels[0].set_ylabel("largest error [1]")
     panels[1].legend()

@@ -40,57 +40,58 @@ CARS = (replace(WHOLE.cars[0], mass=45144.0),) * 2
 TRAIN = replace(WHOLE, cars=CARS, resistance=(1250.0, 37.5, 3.5))  # masses of the slide's cars
 
 
-def curve(speed: float, load: float) -> list[float]:
+def fit_curve(speed: float, load: float) -> list[float]:
     """Polach's curves at the rig's creepages, at `speed` [m/s] under a wheel load [N]; friction, kA and kS fitted."""
     creepage, measured = CREEP["creepage_percent"].to_numpy(), CREEP["force_n"].to_numpy() / load
     contact = PolachCurve().contact(16.0 * load, 0.46)  # at full size; the radius is assumed
 
-    def missed(x: Any, decay: float = 0.6) -> Any:
-        given = PolachCurve(decay=decay, adhesion_factor=x[1], slip_factor=x[2])
-        return given(0.01 * speed * creepage, x[0], speed, contact) - measured
+    def residuals(x: Any, decay: float = 0.6) -> Any:
+        polach = PolachCurve(decay=decay, adhesion_factor=x[1], slip_factor=x[2])
+        return polach(0.01 * speed * creepage, x[0], speed, contact) - measured
 
-    dry, wet = missed((0.55, 1.0, 0.4)), missed((0.3, 0.3, 0.1), 0.2)  # Polach's sets
-    fitted = least_squares(missed, (0.55, 1.0, 0.4), bounds=(0.01, 9.0)).fun
+    dry, wet = residuals((0.55, 1.0, 0.4)), residuals((0.3, 0.3, 0.1), 0.2)  # Polach's sets
+    fitted = least_squares(residuals, (0.55, 1.0, 0.4), bounds=(0.01, 9.0)).fun
     used, errors = dry + measured, np.sqrt(np.mean(np.square((dry, wet, fitted)), axis=1))
     return [used[-1], np.interp(0.5 * used[-1], used, creepage), *errors]
 
 
-def braked(law: SlideLaw, level: float, asked: float, growth: bool = False, **given: Any) -> Any:
-    """The run of a train, braked by air alone with a deceleration `asked` for, on wet rail; `given` as for `Event`."""
-    own = {"braking.release_speed": 0.0, "braking.slide_protection": SlideProtection(law=law)}
+def brake_train(law: SlideLaw, level: float, rate: float, growth: bool = False, **keys: Any) -> Any:
+    """The run of a train, braked by air alone with a deceleration of `rate` [m/s2], on wet rail; `keys` as for `Event`."""
+    settings = {"braking.release_speed": 0.0, "braking.slide_protection": SlideProtection(law=law)}
     increments = tuple(logarithmic_increments(8).tolist()) if growth else None
     rail = Rail(level=level, curve=PolachCurve(), increments=increments)
-    command, onboard = DriverCommand((0.0,), (-asked,)), Onboard().with_settings(own)
-    return simulate(Event("measured", TRAIN, rail, command, onboard, **given), "alone", "none")
+    command, onboard = DriverCommand((0.0,), (-rate,)), Onboard().with_settings(settings)
+    return simulate(Event("measured", TRAIN, rail, command, onboard, **keys), "alone", "none")
 
 
-def slide(law: SlideLaw, speed: float, growth: bool) -> list[float]:
+def measure_slide(law: SlideLaw, speed: float, growth: bool) -> list[float]:
     """Of two cars that slide from `speed` [m/s]: use of the rear car, the lowest of axle 1, releases of its valve per s."""
 
-    def used(level: float) -> tuple[Any, float, float]:
-        run = braked(law, level, 0.7, growth, duration=15.0, initial_speed=speed)
+    def find_use(level: float) -> tuple[Any, float, float]:
+        run = brake_train(law, level, 0.7, growth, duration=15.0, initial_speed=speed)
         valve, sums = run["valve"].values, np.cumsum(-run["coefficient"].values, axis=0)
         mean = 0.01 * (sums[100:] - sums[:-100])  # of 1 s
         acts = (valve[100:] > 0.0) & (run["time"].values[100:, None] > 2.0)
-        own = [mean[acts[:, i // 2], i] for i in range(8)]
+        means = [mean[acts[:, i // 2], i] for i in range(8)]
         released = (np.diff(1.0 * (valve[:, 0] == 2.0)) > 0.0).sum() / 13.0
-        return np.array([one.mean() for one in own]), own[0].min(), released
+        return np.array([values.mean() for values in means]), means[0].min(), released
 
     # measured: 0.0325, mean of all axles
-    level = brentq(lambda x: used(x)[0].mean() - 0.0325, 0.025, 0.06, xtol=2e-4)
-    mean, lowest, released = used(level)
+    level = brentq(lambda x: find_use(x)[0].mean() - 0.0325, 0.025, 0.06, xtol=2e-4)
+    mean, lowest, released = find_use(level)
     return [mean[4:].mean() / mean[:4].mean(), lowest / mean[0], released]
 
 
-def stop(law: SlideLaw, fall: float) -> list[float]:
+def measure_stop(law: SlideLaw, fall: float) -> list[float]:
     """Of a train that stops where the train did, on a line that falls by `fall`: speed at the station, and time."""
     start: Row = {"initial_speed": START * MILE / 3600.0, "record_period": 0.1}
 
-    def way(level: float) -> tuple[Any, Any]:
-        run = braked(law, level, 1.2, line=Line(grades=(-fall,)), duration=500.0, **start)
+    def find_way(level: float) -> tuple[Any, Any]:
+        run = brake_train(law, level, 1.2, line=Line(grades=(-fall,)), duration=500.0, **start)
         return run, run["position"].values - float(run["position"][0])
 
-    run, place = way(brentq(lambda x: way(x)[1][-1] - STOPPED * MILE, 0.003, 0.06, xtol=2e-4))
+    level = brentq(lambda x: find_way(x)[1][-1] - STOPPED * MILE, 0.003, 0.06, xtol=2e-4)
+    run, place = find_way(level)
     speed = np.interp(STATION * MILE, place, run["speed"].values) * 3600.0 / MILE
     return [speed, run["time"].values[np.argmax(run["speed"].values < 0.3)]]
 
@@ -99,11 +100,11 @@ def run(seed: int, event: int) -> Row:
     """All numbers with what sources leave open as this event draws it."""
     draw = np.random.default_rng((seed, event))
     law: SlideLaw = "threshold" if event % 2 else "fuzzy"
-    rig = curve(15.0 ** draw.uniform(), draw.uniform(9300.0, 9900.0))
+    rig = fit_curve(15.0 ** draw.uniform(), draw.uniform(9300.0, 9900.0))
     speed, fall = draw.uniform(60.0, 100.0) / 3.6, draw.uniform(0.0, 0.01)
-    use, *valves = slide(law, speed, False)
-    found = [*rig, use, slide(law, speed, True)[0], *valves, *stop(law, fall)]
-    return dict(zip(MEASURED, map(float, found), strict=True))
+    use, *valves = measure_slide(law, speed, False)
+    numbers = [*rig, use, measure_slide(law, speed, True)[0], *valves, *measure_stop(law, fall)]
+    return dict(zip(MEASURED, map(float, numbers), strict=True))
 
 
 def cells(events: int, seed: int) -> list[Cell]:
@@ -113,8 +114,8 @@ def cells(events: int, seed: int) -> list[Cell]:
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Of each number what was measured, and of the plant the median and the range over events."""
-    own = rows.reindex(columns=list(MEASURED)).astype(float).agg(["median", "min", "max"]).T
-    return own.reset_index(names="number").assign(measured=MEASURED.values())
+    numbers = rows.reindex(columns=list(MEASURED)).astype(float).agg(["median", "min", "max"]).T
+    return numbers.reset_index(names="number").assign(measured=MEASURED.values())
 
 
 STUDY = Study("measured", "How far is the plant from measured slip?", cells, run, table, events=6)

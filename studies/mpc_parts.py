@@ -18,29 +18,29 @@ from alloc.run.simulation import simulate
 from alloc.schema.tables import Column, Table
 from mpc.plan import plan_torques, torque_scale
 from mpc.unit import MPC, PROBLEM_ROW, command_torque, memory_of, pose_problem
-from studies import run_cell as runs
+from studies import run_cell
 from studies.files.scenario import Scenario
 from studies.population import population
 from studies.runner.study import Cell, Row, Study
-from studies.statistics import mean
+from studies.standing import Statistic
 
-MEASURES = {
-    "adhesion used [points]": ("bound_use", 100.0, 2),
-    "wheel damage Q [kJ]": ("damage", 1.0, 0),
-    "torque fluctuation [% of plan]": ("torque_fluctuation", 100.0, 2),
-    "jerk [m/s3]": ("jerk_rms", 1.0, 2),
+COLUMNS = {
+    "adhesion used [points]": Statistic("bound_use", 2, 100.0),
+    "wheel damage Q [kJ]": Statistic("damage", 0),
+    "torque fluctuation [% of plan]": Statistic("torque_fluctuation", 2, 100.0),
+    "jerk [m/s3]": Statistic("jerk_rms", 2),
 }
-"""Columns of the table: metric, factor, digits."""
 WHOLE = "mpc"
-"""What others are compared with."""
+"""What its exchanges are compared with."""
 
 
-def _beside(name: str, part: str) -> Table:
+def _join_memories(name: str, part: str) -> Table:
     """The MPC's memory with that of another controller beside it."""
     return Table(name, **MPC.columns, other=Column(memory_of(part), ONE, f"memory of {part}"))
 
 
-ABOVE_PI, CLIMBS = _beside("above pi", "pi-creep"), _beside("climbs", "perturb-observe")
+ABOVE_PI = _join_memories("above pi", "pi-creep")
+CLIMBS = _join_memories("climbs", "perturb-observe")
 ABOVE_PI_ROW, CLIMBS_ROW, MPC_ROW = ABOVE_PI.dtype, CLIMBS.dtype, MPC.dtype
 
 
@@ -72,7 +72,7 @@ def climbing_above_horizon(unit, axles, memory, run):
 
 
 @control
-def inversion(unit, axles, memory, run):
+def invert_line(unit, axles, memory, run):
     """The torque at which the believed line would hold the slip limit at once: no horizon, and no feedback of the slip."""
     m = memory.view(MPC_ROW)[0]
     b = m.problem.view(PROBLEM_ROW)[0]
@@ -86,52 +86,50 @@ def inversion(unit, axles, memory, run):
 
 
 @cache
-def exchanged() -> dict[str, Controller]:
+def exchange_parts() -> dict[str, Controller]:
     """Controllers with parts of "mpc" and of "perturb-observe", by what they are."""
-    own = CONTROLLERS["mpc"]
+    whole = CONTROLLERS["mpc"]
     return {
         "perturb-observe": CONTROLLERS["perturb-observe"],
         "climbing of perturb-observe above the horizon": replace(
-            own, name="climbs", control=climbing_above_horizon, memory=CLIMBS
+            whole, name="climbs", control=climbing_above_horizon, memory=CLIMBS
         ),
         "own search above PI": replace(
-            own, name="above pi", control=search_above_pi, memory=ABOVE_PI
+            whole, name="above pi", control=search_above_pi, memory=ABOVE_PI
         ),
         "own search above the believed line, inverted": replace(
-            own, name="inverts", control=inversion
+            whole, name="inverts", control=invert_line
         ),
-        "horizon of 2": own.tuned(horizon=2),
-        "no swing": own.tuned(swing=1e-6, loud=0.0),
+        "horizon of 2": whole.tuned(horizon=2),
+        "no swing": whole.tuned(swing=1e-6, loud=0.0),
     }
 
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Each event under the MPC and under every exchange."""
     return [
-        Cell(f"{one.name}/{part}", (one, part, k), {"scenario": one.name, "part": part})
+        Cell(f"{event.name}/{part}", (event, part, k), {"scenario": event.name, "part": part})
         for k in range(events)
-        for one in [population.event(seed, k)]
-        for part in (WHOLE, *exchanged())
+        for event in [population.event(seed, k)]
+        for part in (WHOLE, *exchange_parts())
     ]
 
 
 def run(scenario: Scenario, part: str, k: int) -> Row:
     """What is measured of one event where units act alone."""
-    law = CONTROLLERS[WHOLE] if part == WHOLE else exchanged()[part]
-    found = evaluate(simulate(runs.event_of(scenario, k), "alone", law))
-    return {name: found[name] for name, _, _ in MEASURES.values()}
+    controller = CONTROLLERS[WHOLE] if part == WHOLE else exchange_parts()[part]
+    metrics = evaluate(simulate(run_cell.event_of(scenario, k), "alone", controller))
+    return {column.metric: metrics[column.metric] for column in COLUMNS.values()}
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Means of the MPC, and of the others what they have more, event by event."""
-    good, lines = runs.complete(rows), []
-    for part in (WHOLE, *exchanged()):
-        line: Row = {"part": part, "events": good["scenario"].nunique()}
-        for words, (name, factor, digits) in MEASURES.items():
-            own = factor * good.pivot(index="scenario", columns="part", values=name)
-            less = own[part] if part == WHOLE else own[part] - own[WHOLE]
-            line[words] = mean(less).text(digits, sign=part != WHOLE)
-        lines.append(line)
+    good, lines, whole = run_cell.complete(rows), [], None
+    for part in (WHOLE, *exchange_parts()):
+        runs = good[good["part"] == part].set_index("scenario")
+        line: Row = {"part": part, "events": len(runs)}
+        lines.append(line | {name: column.text(runs, whole) for name, column in COLUMNS.items()})
+        whole = runs if whole is None else whole
     return pd.DataFrame(lines)
 
 

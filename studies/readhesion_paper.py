@@ -103,11 +103,11 @@ IN_USE = {
 }
 
 
-def members(unit: str) -> list[Unprinted]:
+def read_members(unit: str) -> list[Unprinted]:
     """Other sets in `unit`: an earlier search kept those that meet 16 of 18 of the findings, the most that any met."""
-    found = pd.read_csv(Path(__file__).with_name("readhesion_paper_members.csv"))
-    own = found[found["unit"] == unit].iloc[1:]  # the first is in use
-    return [Unprinted(*row) for row in own.itertuples(index=False)]
+    sets = pd.read_csv(Path(__file__).with_name("readhesion_paper_members.csv"))
+    of_unit = sets[sets["unit"] == unit].iloc[1:]  # the first is in use
+    return [Unprinted(*row) for row in of_unit.itertuples(index=False)]
 
 
 class Case(NamedTuple):
@@ -127,22 +127,22 @@ CASE_A, CASE_B = Case(), Case(width=0.8)
 
 
 @jit
-def _peak(time, high, low, recovery):
+def _rail_peak(time, high, low, recovery):
     """Adhesion coefficient mu_max."""
     return high + (low - high) * law.window(time, DROP, recovery, FADE)
 
 
 @jit
-def _rates(time, v, omega, torque, command, rail, curve, downhill):
+def _motion_rates(time, v, omega, torque, command, rail, curve, downhill):
     """Accelerations of train and wheelset, (8) and (7), and the rate of the motor torque."""
     slip = RADIUS * omega - v  # (9)
-    force = LOAD * GRAVITY * law.piecewise_coefficient(slip, _peak(time, *rail), *curve)
+    force = LOAD * GRAVITY * law.piecewise_coefficient(slip, _rail_peak(time, *rail), *curve)
     turning = (GEAR * torque - RADIUS * force) * (1.0 / INERTIA)
     return (force - downhill) / MASS, turning, (command - torque) * (1.0 / LAG)
 
 
 @jit
-def _drive(table, rail, curve, downhill, h, every, record):
+def _integrate(table, rail, curve, downhill, h, every, record):
     """From rest: every `h` [s] the table decides, and the classical fourth-order method makes one step."""
     margin, width, rise, fall, pole, gain = table
     v = omega = torque = command = filtered = 0.0
@@ -154,24 +154,24 @@ def _drive(table, rail, curve, downhill, h, every, record):
         factor = torque_factor(pole * ahead - ACCELERATION, margin, width)  # Fig. 5
         command = asymmetric_lag(command, factor * PLAN, rise, fall)
         if k % every == 0:
-            n, slip, peak = k // every, RADIUS * omega - v, _peak(time, *rail)
+            n, slip, peak = k // every, RADIUS * omega - v, _rail_peak(time, *rail)
             record[n, 0], record[n, 1] = slip, peak
             record[n, 2] = law.piecewise_coefficient(slip, peak, *curve)
             record[n, 3], record[n, 4], record[n, 5] = torque, command, factor
-        a1, b1, c1 = _rates(time, v, omega, torque, command, rail, curve, downhill)
+        a1, b1, c1 = _motion_rates(time, v, omega, torque, command, rail, curve, downhill)
         middle = time + half
         v2, omega2, torque2 = v + half * a1, omega + half * b1, torque + half * c1
-        a2, b2, c2 = _rates(middle, v2, omega2, torque2, command, rail, curve, downhill)
+        a2, b2, c2 = _motion_rates(middle, v2, omega2, torque2, command, rail, curve, downhill)
         v3, omega3, torque3 = v + half * a2, omega + half * b2, torque + half * c2
-        a3, b3, c3 = _rates(middle, v3, omega3, torque3, command, rail, curve, downhill)
+        a3, b3, c3 = _motion_rates(middle, v3, omega3, torque3, command, rail, curve, downhill)
         v4, omega4, torque4 = v + h * a3, omega + h * b3, torque + h * c3
-        a4, b4, c4 = _rates(time + h, v4, omega4, torque4, command, rail, curve, downhill)
+        a4, b4, c4 = _motion_rates(time + h, v4, omega4, torque4, command, rail, curve, downhill)
         v += sixth * (a1 + 2.0 * (a2 + a3) + a4)
         omega += sixth * (b1 + 2.0 * (b2 + b3) + b4)
         torque += sixth * (c1 + 2.0 * (c2 + c3) + c4)
 
 
-class Run(NamedTuple):
+class AxleRun(NamedTuple):
     """A record, (instants,) each: times [s], slip velocities [m/s], coefficient, torques [N m], torque factor Adl."""
 
     time: Floats
@@ -189,41 +189,42 @@ class Run(NamedTuple):
         return self.slip >= self.peak_slip
 
 
-def drive(given: Unprinted, case: Case, recovers: bool = False, step: float = STEP) -> Run:
+def run_axle(numbers: Unprinted, case: Case, recovers: bool = False, step: float = STEP) -> AxleRun:
     """A run from 0 s. Only with `recovers` the rail of Table 2 recovers at 14 s; without, it stays low to 16 s."""
     if case.gradient is None:
         end = END if recovers else LOW_END
         rail = (BEFORE, case.limit, RECOVERY if recovers else 2.0 * end)
     else:
         end, rail = HILL_END, (DRY, DRY, RECOVERY)
-    scale, pole = UNITS[given.unit], 1.0 / given.time_constant
-    shares = [-math.expm1(-step / one) for one in (given.rise, given.fall, given.time_constant)]
+    scale, pole = UNITS[numbers.unit], 1.0 / numbers.time_constant
+    times = numbers.rise, numbers.fall, numbers.time_constant
+    shares = [-math.expm1(-step / time) for time in times]
     table = (case.margin * scale, case.width * scale, shares[0], shares[1], pole, shares[2])
     downhill = float(gradient_force(MASS, 1e-3 * (case.gradient or 0.0)))
     record = np.zeros((round(end / RECORD), 6))
-    curve = given.curve
-    _drive(table, rail, tuple(curve.values[:5]), downhill, step, round(RECORD / step), record)
-    slip, peak, *others = record.T
+    curve = numbers.curve
+    _integrate(table, rail, tuple(curve.values[:5]), downhill, step, round(RECORD / step), record)
+    slip, peak, *rest = record.T
     time = RECORD * np.arange(len(record), dtype=np.float64)
-    return Run(time, slip, curve.top(0.0, peak)[1], *others)
+    return AxleRun(time, slip, curve.top(0.0, peak)[1], *rest)
 
 
 # indices of section 3.2
 
 
-def rises(run: Run) -> NDArray[np.int64]:
+def find_rises(run: AxleRun) -> NDArray[np.int64]:
     """Instants (indices) at which the torque starts to rise, after a fall by a hundredth of the plan: its cycles' bounds."""
-    _, found = find_peaks(-run.torque, prominence=0.01 * PLAN, plateau_size=1)
-    return np.asarray(found["right_edges"])
+    _, properties = find_peaks(-run.torque, prominence=0.01 * PLAN, plateau_size=1)
+    return np.asarray(properties["right_edges"])
 
 
-def possible(run: Run) -> bool:
+def is_possible(run: AxleRun) -> bool:
     """Readhesion possibility: the torque cycle that contains 14 s visits both micro and macro slip.
 
     Needs a rail that stays low until that cycle ends: after its recovery every controller would pass. A cycle that the
     record does not complete fails. Where no slip is macro slip, readhesion counts as possible.
     """
-    starts = rises(run)
+    starts = find_rises(run)
     k = int(np.searchsorted(starts, np.searchsorted(run.time, RECOVERY), side="right"))
     if not run.macro[run.time >= DROP].any():
         return True
@@ -231,22 +232,22 @@ def possible(run: Run) -> bool:
     return bool(cycle.any() and not cycle.all())
 
 
-def indices(run: Run, limit: float) -> Row:
+def find_indices(run: AxleRun, limit: float) -> Row:
     """Readhesion possibility, mu_use (10), mu_r (11), and the longest time in macro slip [s] from 6 s to 14 s."""
     low = (run.time >= DROP) & (run.time <= RECOVERY)
     used = float(np.trapezoid(run.mu[low], run.time[low]) / np.ptp(run.time[low]))
     longest = RECORD * float(np.diff(spans(run.macro[low][:-1]), axis=1).max(initial=0))
-    found = {"used": used, "utilisation": used / limit, "longest_slip": longest}
-    return {"limit": limit, "possible": possible(run)} | found
+    numbers = {"used": used, "utilisation": used / limit, "longest_slip": longest}
+    return {"limit": limit, "possible": is_possible(run)} | numbers
 
 
-def limit_cycle(run: Run, cycles: int = 3) -> tuple[float, int]:
+def limit_cycle(run: AxleRun, cycles: int = 3) -> tuple[float, int]:
     """Limit cycle as the mean of the last torque cycles before 14 s; nan and -1 where there are too few.
 
     Its period [s], and the number of slips before the first cycle from which on slip velocity and torque of all cycles
     swing like those of the last ones, to 5 %.
     """
-    starts = rises(run)
+    starts = find_rises(run)
     starts = starts[(run.time[starts] >= DROP) & (run.time[starts] <= RECOVERY)]
     if len(starts) <= cycles:
         return math.nan, -1
@@ -265,10 +266,10 @@ RESTS = 0.02
 """A torque factor rests where it stays so close to its last value."""
 
 
-def cases_a_and_b(given: Unprinted, step: float = STEP) -> list[Row]:
+def cases_a_and_b(numbers: Unprinted, step: float = STEP) -> list[Row]:
     """Numbers of sections 2.4 and 3.1, a row each."""
-    a, b = drive(given, CASE_A, step=step), drive(given, CASE_B, step=step)
-    drop, recovery = (int(np.searchsorted(a.time, one)) for one in (DROP, RECOVERY))
+    a, b = run_axle(numbers, CASE_A, step=step), run_axle(numbers, CASE_B, step=step)
+    drop, recovery = (int(np.searchsorted(a.time, instant)) for instant in (DROP, RECOVERY))
     period, slips = limit_cycle(a)
     settled = a.factor[drop + round(2.0 / RECORD) : recovery]
     between = (settled > 0.0) & (settled < 1.0)
@@ -279,9 +280,9 @@ def cases_a_and_b(given: Unprinted, step: float = STEP) -> list[Row]:
     lasts = len(of_b) == 2 and of_b[1, 1] == len(b.time)
     away = np.flatnonzero(np.abs(factor - factor[-1]) > RESTS)
     rests = RECORD * (away[-1] + 1 if len(away) else 0)
-    found = {
+    values = {
         "mu that the torque asks for": TO_COEFFICIENT * a.torque[drop - 1],
-        "A: readheres": possible(a),
+        "A: readheres": is_possible(a),
         "A: period [s]": period,
         "A: slips before its cycle": slips,
         "A: factor between 0 and 1, median time [s]": np.median(times),
@@ -296,40 +297,40 @@ def cases_a_and_b(given: Unprinted, step: float = STEP) -> list[Row]:
         "B: factor at 14 s": factor[-1],
         "B: torque less mu at 14 s": TO_COEFFICIENT * b.torque[recovery - 1] - b.mu[recovery - 1],
     }
-    return [{"number": number, "value": float(value)} for number, value in found.items()]
+    return [{"number": number, "value": float(value)} for number, value in values.items()]
 
 
-def search(given: Unprinted, margin: float, width: float, step: float = STEP) -> list[Row]:
+def search_limits(numbers: Unprinted, margin: float, width: float, step: float = STEP) -> list[Row]:
     """Indices over mu_lim: the paper's grid, then finer between the least that readheres and the one below it."""
     rows: dict[float, Row] = {}
-    tried: Iterable[float] = LIMITS
+    limits: Iterable[float] = LIMITS
     for finer in (*FINER, INF):  # after the last, nothing lies between
-        for limit in tried:
-            run = drive(given, Case(margin, width, limit), step=step)
-            rows[limit] = {"margin": margin, "width": width} | indices(run, limit)
-        least = min((one for one, row in rows.items() if row["possible"]), default=0.0)
-        below = max((one for one in rows if one < least), default=least)
-        tried = [round(below + k * finer, 9) for k in range(1, round((least - below) / finer))]
+        for limit in limits:
+            run = run_axle(numbers, Case(margin, width, limit), step=step)
+            rows[limit] = {"margin": margin, "width": width} | find_indices(run, limit)
+        least = min((limit for limit, row in rows.items() if row["possible"]), default=0.0)
+        below = max((limit for limit in rows if limit < least), default=least)
+        limits = [round(below + k * finer, 9) for k in range(1, round((least - below) / finer))]
     return list(rows.values())
 
 
-def downhill(given: Unprinted, margin: float, step: float = STEP) -> list[Row]:
+def run_downhill(numbers: Unprinted, margin: float, step: float = STEP) -> list[Row]:
     """Share of the plan's torque that the table leaves on a dry line, and what it leaves at rest; largest slip over peak's.
 
     Gravity adds g sin(slope) M/(M + J/r2) to the acceleration. Where this exceeds a_0 the table rests at the share
     1 - (gravity's part - a_0)/(commanded + a_w).
     """
-    scale, found = UNITS[given.unit], list[Row]()
+    scale, rows = UNITS[numbers.unit], list[Row]()
     for gradient in GRADIENTS:
-        run = drive(given, Case(margin, gradient=gradient), step=step)
+        run = run_axle(numbers, Case(margin, gradient=gradient), step=step)
         gravity = -gradient_force(MASS, 1e-3 * gradient) / (MASS + INERTIA / RADIUS**2)
         excess = (gravity - margin * scale) / (ACCELERATION + CASE_A.width * scale)
-        kept = float(run.torque[run.time >= SETTLED].mean()) / PLAN
+        share = float(run.torque[run.time >= SETTLED].mean()) / PLAN
         slip = float((run.slip / run.peak_slip).max())
-        row = {"margin": margin, "gradient": gradient, "kept": kept, "slip": slip}
+        row = {"margin": margin, "gradient": gradient, "kept": share, "slip": slip}
         row |= {"expected": 1.0 - min(max(excess, 0.0), 1.0), "needed": gravity / scale}
-        found.append(row)
-    return found
+        rows.append(row)
+    return rows
 
 
 # findings
@@ -382,59 +383,60 @@ FINDINGS: dict[str, list[tuple[str, float, float]]] = {
         ("mu_lim 0.16, a_w 0.3: mu_use less its best below", -INF, 0),
     ],
 }
-"""What the paper says -> one of `numbers`, the least and the most that count as that. Where the paper has words, bounds are
-this project's: a tenth for "about" 0.65 s, 0.25 s and 1 s for "about" 7 s and 3 s, 0.01 to 0.1 s for "the order of 10 ms",
-0.005 for "the order of 0.001", 0.5 to 5 points for "the order of per cent", 10 points within 0.002 for "sharply", more than
-a cycle of A for "long". Those of mu_r, and the two of a factor that falls to 0, were set after runs had been seen."""
+"""What the paper says -> one of `all_numbers`, the least and the most that count. Where the paper has words, bounds are this
+project's: a tenth for "about" 0.65 s, 0.25 s and 1 s for "about" 7 s and 3 s, 0.01 to 0.1 s for "the order of 10 ms", 0.005
+for "the order of 0.001", 0.5 to 5 points for "the order of per cent", 10 points within 0.002 for "sharply", more than one
+cycle of A for "long". Those of mu_r, and the two of a factor that falls to 0, were set after runs had been seen."""
 
 
-def holds(finding: str, found: Mapping[str, float]) -> bool:
+def finding_holds(finding: str, numbers: Mapping[str, float]) -> bool:
     """Whether all numbers of a finding are there and lie within their bounds."""
-    return all(least <= found.get(one, math.nan) <= most for one, least, most in FINDINGS[finding])
+    return all(low <= numbers.get(name, math.nan) <= high for name, low, high in FINDINGS[finding])
 
 
 def limits_over(grid: pd.DataFrame, over: str) -> pd.Series:
     """Limit adhesion coefficient by a_0 ("margin") or a_w ("width"), the other as in case A; nan where there is none."""
-    other = "width" if over == "margin" else "margin"
-    own = grid[grid[other] == getattr(CASE_A, other)]
-    return own["limit"].where(own["possible"]).groupby(own[over]).min()
+    fixed = "width" if over == "margin" else "margin"
+    line = grid[grid[fixed] == getattr(CASE_A, fixed)]
+    return line["limit"].where(line["possible"]).groupby(line[over]).min()
 
 
-def _slope(values: pd.Series) -> float:
+def _fit_slope(values: pd.Series) -> float:
     """Slope of a line through values over their index; nan where there are fewer than two."""
-    known = values.dropna()
-    return float(np.polyfit(known.index, known, 1)[0]) if len(known) > 1 else math.nan
+    finite = values.dropna()
+    return float(np.polyfit(finite.index, finite, 1)[0]) if len(finite) > 1 else math.nan
 
 
-def of_limits(grid: pd.DataFrame) -> dict[str, float]:
+def limit_numbers(grid: pd.DataFrame) -> dict[str, float]:
     """Numbers of section 3.3 on readhesion possibility."""
     by_margin, by_width = limits_over(grid, "margin"), limits_over(grid, "width")
     wide, narrow = by_width[by_width.index >= 0.6], by_width[by_width.index < 0.6]
-    found = {
+    numbers = {
         "a_w >= 0.6 that readhere": float(wide.count()),
         "a_w < 0.6 that readhere, share": float(narrow.notna().mean()),
-        "limit: slope over a_w less a_0": _slope(narrow) - _slope(by_margin),
+        "limit: slope over a_w less a_0": _fit_slope(narrow) - _fit_slope(by_margin),
     }
     for name, limits in (("a_0", by_margin), ("a_w", narrow)):
         steps = np.diff(limits.fillna(limits.max() + 0.01))  # none counts as above all others
-        found[f"limit over {name}: sum of falls"] = float(np.maximum(-steps, 0.0).sum())
-        found[f"limit over {name}: rise"] = float(steps.sum())
-        found |= {f"limit, {name} {at:g}": float(value) for at, value in limits.items()}
-    return found
+        numbers[f"limit over {name}: sum of falls"] = float(np.maximum(-steps, 0.0).sum())
+        numbers[f"limit over {name}: rise"] = float(steps.sum())
+        numbers |= {f"limit, {name} {at:g}": float(value) for at, value in limits.items()}
+    return numbers
 
 
-def of_use(grid: pd.DataFrame) -> dict[str, float]:
+def use_numbers(grid: pd.DataFrame) -> dict[str, float]:
     """Numbers of section 3.3 on mu_use and mu_r."""
-    at_width, at_margin = (grid[grid[one] == getattr(CASE_A, one)] for one in ("width", "margin"))
+    at_width, at_margin = (grid[grid[key] == getattr(CASE_A, key)] for key in ("width", "margin"))
     good = at_width[at_width["possible"]].groupby("limit")[["used", "utilisation"]]
     spread = (good.max() - good.min()).max()
     falls = []
     for margin, least in limits_over(grid, "margin").dropna().items():
-        own = at_width[at_width["margin"] == margin].set_index("limit")["utilisation"]
-        below = own[(own.index < least) & (own.index > least - 0.002 - 1e-9)]
-        falls.append(100.0 * (own[least] - below.min()))
+        line = at_width[at_width["margin"] == margin].set_index("limit")["utilisation"]
+        below = line[(line.index < least) & (line.index > least - 0.002 - 1e-9)]
+        falls.append(100.0 * (line[least] - below.min()))
     lower = at_margin[(at_margin["limit"] < 0.16) & at_margin["possible"]]
-    slopes = [_slope(own.set_index("width")["utilisation"]) for _, own in lower.groupby("limit")]
+    lines = lower.set_index("width").groupby("limit")["utilisation"]
+    slopes = [_fit_slope(line) for _, line in lines]
     mild = at_margin[at_margin["limit"] == 0.16].set_index("width").sort_index()
     cost = mild["used"][0.3] - lower["used"][lower["width"] == 0.3].max()
     return {
@@ -448,27 +450,27 @@ def of_use(grid: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def of_hill(hill: pd.DataFrame) -> dict[str, float]:
+def hill_numbers(hill: pd.DataFrame) -> dict[str, float]:
     """Numbers of section 4."""
-    found = {
+    numbers = {
         "downhill, -35 per mille: a_0 that keeps all": hill["needed"].max(),
         "downhill: greatest slip over the peak's": hill["slip"].max(),
         "downhill: off the share at rest by": (hill["kept"] - hill["expected"]).abs().max(),
     }
-    kept = 100.0 * hill.set_index(["gradient", "margin"])["kept"]
+    shares = 100.0 * hill.set_index(["gradient", "margin"])["kept"]
     for at in (-25.0, -35.0):
-        found[f"downhill, {at:g} per mille, a_0 0.4: torque kept [%]"] = kept[at, 0.4]
-    return found
+        numbers[f"downhill, {at:g} per mille, a_0 0.4: torque kept [%]"] = shares[at, 0.4]
+    return numbers
 
 
-def numbers(rows: pd.DataFrame) -> dict[str, float]:
+def all_numbers(rows: pd.DataFrame) -> dict[str, float]:
     """All numbers of one set, from its rows; members have none downhill."""
     cases, grid, hill = (rows[rows["part"] == part] for part in ("cases", "grid", "downhill"))
     grid = grid.astype({"possible": bool})
-    found = dict(zip(cases["number"], cases["value"], strict=True)) | of_limits(grid) | of_use(grid)
-    found |= of_hill(hill) if len(hill) else {}
-    met = float(sum(holds(finding, found) for finding in FINDINGS))
-    return {f"findings that hold, of {len(FINDINGS)}": met} | found
+    numbers = dict(zip(cases["number"], cases["value"], strict=True)) | limit_numbers(grid)
+    numbers |= use_numbers(grid) | (hill_numbers(hill) if len(hill) else {})
+    met = float(sum(finding_holds(finding, numbers) for finding in FINDINGS))
+    return {f"findings that hold, of {len(FINDINGS)}": met} | numbers
 
 
 # the study
@@ -479,50 +481,53 @@ def cells(events: int, seed: int) -> Iterator[Cell]:
     tables = [(margin, CASE_A.width) for margin in MARGINS]
     tables += [(CASE_A.margin, width) for width in WIDTHS if width != CASE_A.width]
     for unit, used in IN_USE.items():
-        for k, given in enumerate([used, *members(unit)[:events]]):
-            asked = [("cases", *CASE_A[:2]), *(("grid", *one) for one in tables)]
-            asked += [("downhill", one, CASE_A.width) for one in MARGINS if k == 0]
-            for part, *table in asked:
+        for k, numbers in enumerate([used, *read_members(unit)[:events]]):
+            parts = [("cases", *CASE_A[:2]), *(("grid", *table) for table in tables)]
+            parts += [("downhill", margin, CASE_A.width) for margin in MARGINS if k == 0]
+            for part, *table in parts:
                 columns = {"part": part, "unit": unit, "member": k}
                 name = f"{unit} {k} {part} {table[0]:g} {table[1]:g}"
-                yield Cell(name, (part, given, *table, MEMBER_STEP if k else STEP), columns)
+                yield Cell(name, (part, numbers, *table, MEMBER_STEP if k else STEP), columns)
 
 
-def run(part: str, given: Unprinted, margin: float, width: float, step: float) -> list[Row]:
+def run(part: str, numbers: Unprinted, margin: float, width: float, step: float) -> list[Row]:
     """Rows of one part of a set."""
     if part == "cases":
-        return cases_a_and_b(given, step)
-    return search(given, margin, width, step) if part == "grid" else downhill(given, margin, step)
+        return cases_a_and_b(numbers, step)
+    if part == "grid":
+        return search_limits(numbers, margin, width, step)
+    return run_downhill(numbers, margin, step)
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Findings with the numbers that decide them, then others: in each unit the set in use, its members' range, and
     where not all of them meet the bounds, how many do. A finding with two numbers is named at the first."""
     sets = list(rows.groupby(["unit", "member"]))
-    found = pd.DataFrame({of: numbers(own) for of, own in sets if (own["status"] == "ok").all()})
-    asked = [(text, *one) for text, several in FINDINGS.items() for one in several]
-    others = found.index.difference([one[1] for one in asked], sort=False)
-    shown = [number for number in others if not number.startswith("limit, ")]  # the figures have it
-    asked += [("", number, math.nan, math.nan) for number in shown]
+    sets = [(key, part) for key, part in sets if (part["status"] == "ok").all()]
+    values = pd.DataFrame({key: all_numbers(part) for key, part in sets})
+    shown = [(text, *bounds) for text, numbers in FINDINGS.items() for bounds in numbers]
+    further = values.index.difference([number for _, number, *_ in shown], sort=False)
+    further = [number for number in further if not number.startswith("limit, ")]  # in the figures
+    shown += [("", number, math.nan, math.nan) for number in further]
     lines = []
-    for text, number, least, most in asked:
+    for text, number, least, most in shown:
         bounds = f"{least:g} to {most:g}" if least <= most else ""
         line: Row = {"finding": text, "number": number, "bounds": bounds}
         for unit in UNITS:
-            values = found[unit].loc[number]
-            own, others = _range(values.loc[:0]), _range(values.loc[1:])
-            met = values.between(least, most) | (bounds == "")
+            of_sets = values[unit].loc[number]
+            in_use, members = _format_range(of_sets.loc[:0]), _format_range(of_sets.loc[1:])
+            met = of_sets.between(least, most) | (bounds == "")
             missed = "" if met.all() else f", met by {met.sum()}" if met.any() else ", not met"
-            line[unit] = (own if others in (own, "–") else f"{own} ({others})") + missed
+            line[unit] = (in_use if members in (in_use, "–") else f"{in_use} ({members})") + missed
         lines.append(line)
-    found = pd.DataFrame(lines)
-    return found.assign(finding=found["finding"].mask(found["finding"].duplicated(), ""))
+    findings = pd.DataFrame(lines)
+    return findings.assign(finding=findings["finding"].mask(findings["finding"].duplicated(), ""))
 
 
-def _range(values: pd.Series) -> str:
+def _format_range(values: pd.Series) -> str:
     """Such as ``0.595 to 0.625``; a single number where all are equal."""
-    known = values.dropna()
-    ends = [f"{end:.4g}" for end in (known.min(), known.max())] if len(known) else ["–"]
+    finite = values.dropna()
+    ends = [f"{end:.4g}" for end in (finite.min(), finite.max())] if len(finite) else ["–"]
     return " to ".join(dict.fromkeys(ends))
 
 

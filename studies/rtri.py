@@ -84,7 +84,7 @@ TESTS = {
 CUT_OUT = ("all", "4 wagons", "3 wagons", "2.5 wagons")
 
 
-def train_of(test: RunningTest, day: int) -> Train:
+def prepare_train(test: RunningTest, day: int) -> Train:
     """The train of a test; the same day has the same wagons in every test of the same length."""
     draw = np.random.default_rng([day, 40])
     train = find_train(f"freight-{test.wagons}")
@@ -109,11 +109,8 @@ def drive_test(test: RunningTest, train: Train) -> xr.Dataset:
         brakes.pressure_target[:braked] = test.pressure * (sense.time >= BRAKED_AT - 1e-9)
         return sense.speed > STOP_SPEED
 
-    event = Event(
-        "test", train, Rail(DRY), NO_COMMAND,
-        duration=LONGEST, initial_speed=test.speed / 3.6, record_period=RECORD,
-    )  # fmt: skip
-    return drive(event, driver)
+    course: Row = {"duration": LONGEST, "initial_speed": test.speed / 3.6, "record_period": RECORD}
+    return drive(Event("test", train, Rail(DRY), NO_COMMAND, **course), driver)
 
 
 # what is measured
@@ -149,11 +146,11 @@ class Measured(NamedTuple):
         return np.asarray(self.truth[:, 1:].sum(axis=1))
 
 
-def record(test: RunningTest, train: Train, day: int | None) -> Measured:
+def record_test(test: RunningTest, train: Train, day: int | None) -> Measured:
     """Drive and record a test; `day` draws the errors of the sensors, None: they have none."""
     run, every = drive_test(test, train), round(PERIOD / RECORD)
 
-    def sampled(values: Floats) -> Floats:
+    def sample_channel(values: Floats) -> Floats:
         sections = butter(4, CUT_OFF * 2.0 * RECORD, output="sos")
         start = np.multiply.outer(sosfilt_zi(sections), values[0])
         return np.asarray(sosfilt(sections, values, axis=0, zi=start)[0][::every])
@@ -163,10 +160,10 @@ def record(test: RunningTest, train: Train, day: int | None) -> Measured:
     of_car = run["axle_car"].values[:, None] == np.arange(run.sizes["car"])
     turning = inertia / radius**2 * run["car_acceleration"].values
     truth, bare = -run["rail_force"].values @ of_car - turning, run["car_mass"].values
-    speed = sampled(run["car_speed"].values[:, 0])
-    acceleration = sampled(run["car_acceleration"].values)
-    coupler = sampled(run["coupler_force"].values)
-    pressure = sampled(run["cylinder_pressure"].values[:, foremost])
+    speed = sample_channel(run["car_speed"].values[:, 0])
+    acceleration = sample_channel(run["car_acceleration"].values)
+    coupler = sample_channel(run["coupler_force"].values)
+    pressure = sample_channel(run["cylinder_pressure"].values[:, foremost])
     if day is not None:
         draw = np.random.default_rng([day, 41]).standard_normal
         bare = bare * (1.0 + CONSTANT.mass * draw(bare.size))
@@ -181,7 +178,7 @@ def record(test: RunningTest, train: Train, day: int | None) -> Measured:
     mass = rolling_mass(bare, inertia, radius)
     c = rows_of_train(train).cars
     drag = resistance(speed[:, None], c.resistance, c.resistance_linear, c.resistance_quadratic)
-    time, true = run["time"].values[::every], sampled(truth)
+    time, true = run["time"].values[::every], sample_channel(truth)
     return Measured(time, speed, acceleration, coupler, pressure, mass, drag, true)
 
 
@@ -205,7 +202,7 @@ class Estimated(NamedTuple):
     """(5), all wagons; the acceleration of the first stands for all."""
     wagon: Floats
     """(9), the first wagon alone."""
-    own: Floats
+    separate: Floats
     """Sum of (4), each wagon by its own acceleration: the first remedy of section 4."""
     theory: Floats
     """(7), one wagon, from the pressure measured on the first."""
@@ -213,7 +210,7 @@ class Estimated(NamedTuple):
     """3.2.3: from 63.2 % of the steady cylinder pressure to standstill."""
 
 
-def estimate(test: RunningTest, m: Measured) -> Estimated:
+def estimate_forces(test: RunningTest, m: Measured) -> Estimated:
     """What the report computes; forces are those at the brakes, the running resistance is subtracted (section 2)."""
     a, drag = m.acceleration, m.resistance
     first, second = m.coupler[:, 0], m.coupler[:, 1]
@@ -228,19 +225,20 @@ def estimate(test: RunningTest, m: Measured) -> Estimated:
     )
 
 
-def measure(name: str, day: int) -> tuple[Measured, Estimated]:
+def measure_test(name: str, day: int) -> tuple[Measured, Estimated]:
     """A test of that day, and what the report computes of it."""
     test = TESTS[name]
-    m = record(test, train_of(test, day), day)
-    return m, estimate(test, m)
+    m = record_test(test, prepare_train(test, day), day)
+    return m, estimate_forces(test, m)
 
 
 def run(name: str, day: int) -> Row:
     """Numbers of a test, forces in kN: those that its findings need."""
-    m, e = measure(name, day)
-    more = {"locomotive": (settling, shock), "all": (settling, spikes), "emergency": (theory,)}
-    found = [part(m, e) for part in (errors, *more.get(name, ()))]
-    return {key: float(value) for row in found for key, value in row.items()}
+    m, e = measure_test(name, day)
+    further = {"locomotive": [find_settling, find_shock], "all": [find_settling, find_spikes]}
+    further["emergency"] = [compare_theory]
+    rows = [part(m, e) for part in (find_errors, *further.get(name, ()))]
+    return {key: float(value) for row in rows for key, value in row.items()}
 
 
 SECOND = round(1.0 / PERIOD)
@@ -252,14 +250,14 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan
 
 
-def errors(m: Measured, e: Estimated) -> Row:
+def find_errors(m: Measured, e: Estimated) -> Row:
     """Error of the wagons' sum in the window: at an instant and of the mean, by the report's rule and with the remedies."""
-    w, true, known = e.window, m.wagons(), (m.acceleration, m.coupler, m.mass)
-    smooth = smooth_brake_forces(*known, ACCELERATION_NOISE, COUPLER_NOISE, m.resistance)
+    w, true, records = e.window, m.wagons(), (m.acceleration, m.coupler, m.mass)
+    smooth = smooth_brake_forces(*records, ACCELERATION_NOISE, COUPLER_NOISE, m.resistance)
     smoothed = smooth[:, 1:].sum(axis=1)
     row: Row = {"mean": e.wagons[w].mean() / 1e3, "force": true[w].mean() / 1e3}
-    for key, found in (("first", e.wagons), ("own", e.own), ("smooth", smoothed)):
-        error = (found - true)[w] / 1e3
+    for key, estimate in (("first", e.wagons), ("own", e.separate), ("smooth", smoothed)):
+        error = (estimate - true)[w] / 1e3
         row |= {f"error_{key}": rms(error), f"mean_error_{key}": abs(error.mean())}
     return row
 
@@ -268,7 +266,7 @@ AGREEMENT = 0.05
 """Difference of accelerations [m/s2], over a second, below which relative motion counts as died out; noise gives 0.028."""
 
 
-def settling(m: Measured, e: Estimated) -> Row:
+def find_settling(m: Measured, e: Estimated) -> Row:
     """The locomotive's steady estimate, and errors before and after relative motion has died out."""
     end, start = e.window.stop, int(np.searchsorted(m.time, BRAKED_AT))
     pressure = m.pressure[:end, 0]
@@ -289,27 +287,27 @@ CONTACT = 5e3
 """Coupler force [N] beyond which two cars press or pull: five times the sensor's noise."""
 
 
-def shock(m: Measured, e: Estimated) -> Row:
+def find_shock(m: Measured, e: Estimated) -> Row:
     """The wagons run up: the first coupler's peak against (6), and how its oscillation about (6) decays."""
     end, first, true = e.window.stop, m.coupler[:, 0], m.truth + m.resistance
     steady = coupler_force_between(true[:, 0], m.mass[0], true[:, 1:].sum(axis=1), m.mass[1:].sum())
     contact = int(np.argmax(first < -CONTACT))
     peak = contact + int(np.argmin(first[contact : contact + 2 * SECOND]))
 
-    def swing(part: slice) -> float:
+    def find_swing(part: slice) -> float:
         """Standard deviation without the sensor's noise [kN]."""
         return math.sqrt(max(float(np.var((first - steady)[part])) - COUPLER_NOISE**2, 0.0)) / 1e3
 
     late = slice(end - 10 * SECOND, end)
     return {
         "shock_ratio": first[peak] / steady[peak],
-        "swing_early": swing(slice(contact, contact + 4 * SECOND)),
-        "swing_late": swing(late),
+        "swing_early": find_swing(slice(contact, contact + 4 * SECOND)),
+        "swing_late": find_swing(late),
         "compression": -first[late].mean() / 1e3,
     }
 
 
-def spikes(m: Measured, e: Estimated) -> Row:
+def find_spikes(m: Measured, e: Estimated) -> Row:
     """The first coupler while all brake; in its spikes and between them the wagons' error, and whether the cars beside it
     accelerate in opposite directions, relative to the train's mean."""
     w, a = e.window, m.acceleration[e.window]
@@ -328,39 +326,39 @@ def spikes(m: Measured, e: Estimated) -> Row:
     }
 
 
-def theory(m: Measured, e: Estimated) -> Row:
+def compare_theory(m: Measured, e: Estimated) -> Row:
     """Wagons' sum against (8) and first wagon against (7): over the window, and the worst of its thirds."""
     begin, _, end = np.array_split(e.theory[e.window], 3)
     row = {"theory_growth": end.mean() / begin.mean()}
     for key, estimated, wagons in (("sum", e.wagons, m.mass.size - 1), ("wagon", e.wagon, 1)):
-        found, believed = estimated[e.window], wagons * e.theory[e.window]
-        thirds = zip(np.array_split(found, 3), np.array_split(believed, 3), strict=True)
-        row[f"{key}_over_theory"] = found.mean() / believed.mean()
-        row[f"{key}_off"] = max(abs(one.mean() / other.mean() - 1.0) for one, other in thirds)
+        force, believed = estimated[e.window], wagons * e.theory[e.window]
+        thirds = zip(np.array_split(force, 3), np.array_split(believed, 3), strict=True)
+        row[f"{key}_over_theory"] = force.mean() / believed.mean()
+        row[f"{key}_off"] = max(abs(third.mean() / theory.mean() - 1.0) for third, theory in thirds)
     return row
 
 
 # what was found
 
 
-def days(rows: pd.DataFrame) -> pd.DataFrame:
+def tabulate_days(rows: pd.DataFrame) -> pd.DataFrame:
     """One row per day, columns (number, test); and of each day the line through the means of `CUT_OUT`, test "line".
 
     The line's intercept is no error, the true forces have it too: with fewer wagons braked a stop lasts longer, and the mean
     over the window is nearer to full pressure (89 % of it with all braked, 93 % with half).
     """
-    done = rows[rows["status"] == "ok"]
-    numbers = done.columns.difference([*BOOKKEEPING, "test", "day"])
-    found = done.pivot(index="day", columns="test", values=list(numbers)).astype(float)
+    good = rows[rows["status"] == "ok"]
+    names = good.columns.difference([*BOOKKEEPING, "test", "day"])
+    numbers = good.pivot(index="day", columns="test", values=list(names)).astype(float)
     braked = np.array([TESTS[name].braked for name in CUT_OUT])
     design = np.stack([braked, np.ones(braked.size)], axis=1)
-    means = np.array([found["mean", name] for name in CUT_OUT])
+    means = np.array([numbers["mean", name] for name in CUT_OUT])
     (slope, intercept), squares, *_ = np.linalg.lstsq(design, means)
-    found["slope", "line"], found["intercept", "line"] = slope, intercept
+    numbers["slope", "line"], numbers["intercept", "line"] = slope, intercept
     # two tests differ where their means do by 1.96 sqrt(2) deviations about the line
     deviation = np.sqrt(squares / (braked.size - 2))
-    found["resolution", "line"] = 1.96 * math.sqrt(2.0) * deviation / slope
-    return found
+    numbers["resolution", "line"] = 1.96 * math.sqrt(2.0) * deviation / slope
+    return numbers
 
 
 def statements(rows: pd.DataFrame) -> list[Statement]:
@@ -368,7 +366,7 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
 
     Bounds were set before any day was drawn; that of "proportional", the report's word, when the intercept was known.
     """
-    d, inf = days(rows), np.inf
+    d, inf = tabulate_days(rows), np.inf
     alone, both = d.xs("locomotive", axis=1, level=1), d.xs("all", axis=1, level=1)
     line, emergency = d.xs("line", axis=1, level=1), d.xs("emergency", axis=1, level=1)
     force, error = alone["locomotive"], both["error_first"]
@@ -420,12 +418,12 @@ REMEDIES = {
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Each test: wagons' sum by the report's rule, the truth, and errors without and with remedies; means over days."""
-    found = days(rows).mean().unstack("test").T.loc[list(TESTS)]
-    told = pd.DataFrame([test[:2] for test in TESTS.values()], columns=["wagons", "from [km/h]"])
-    told.insert(0, "test", list(TESTS))
-    words = {"mean": "estimate [kN]", "force": "truth [kN]"}
-    words |= {key: f"error, {one} [kN]" for key, one in REMEDIES.items()}
-    return told.join(found[list(words)].rename(columns=words).reset_index(drop=True))
+    means = tabulate_days(rows).mean().unstack("test").T.loc[list(TESTS)]
+    tests = pd.DataFrame([test[:2] for test in TESTS.values()], columns=["wagons", "from [km/h]"])
+    tests.insert(0, "test", list(TESTS))
+    headings = {"mean": "estimate [kN]", "force": "truth [kN]"}
+    headings |= {key: f"error, {remedy} [kN]" for key, remedy in REMEDIES.items()}
+    return tests.join(means[list(headings)].rename(columns=headings).reset_index(drop=True))
 
 
 def cells(events: int, seed: int) -> list[Cell]:

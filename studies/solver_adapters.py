@@ -80,7 +80,7 @@ def by_cvxpy(solver: str, program: Program, options: Row) -> Iterator[tuple[Any,
 ADAPTERS: dict[str, Adapter] = {"casadi": by_casadi, "qpsolvers": by_qpsolvers, "cvxpy": by_cvxpy}
 
 
-def reached() -> list[tuple[str, str]]:
+def find_solvers() -> list[tuple[str, str]]:
     """Libraries, each with those of `SOLVERS` that it says it has; raises `StudyError` where one is missing."""
     try:
         import casadi

@@ -25,7 +25,7 @@ import pandas as pd
 from alloc.rules.exact import level_between
 from studies.runner.study import Cell, Row, Study
 from studies.runner.workers import begin_worker, describe_error
-from studies.solver_adapters import ADAPTERS, PLAN, SOLVERS, Adapter, Program, reached
+from studies.solver_adapters import ADAPTERS, PLAN, SOLVERS, Adapter, Program, find_solvers
 
 SIZES, LIMIT = (2, 3, 4, 6, 8, 12, 16, 32, 64, 128, 512), 60.0
 """Numbers of units; seconds after which a solver hangs."""
@@ -63,21 +63,21 @@ def exact_limits(program: Program) -> Any:
     mass, (ask,), *bounds = ([*map(Fraction, np.ravel(part).tolist())] for part in program)
     units, ends = [*zip(mass, *bounds, strict=True)], sorted({*bounds[0], *bounds[1]})
 
-    def limits(level: Fraction) -> list[Fraction]:
+    def limits_at(level: Fraction) -> list[Fraction]:
         return [min(max(level, low), high) for _, low, high in units]
 
-    def total(level: Fraction) -> Any:
-        return sum(m * x for m, x in zip(mass, limits(level), strict=True))
+    def total_at(level: Fraction) -> Any:
+        return sum(m * x for m, x in zip(mass, limits_at(level), strict=True))
 
-    k = bisect_right(ends, ask, key=total)
-    if k == 0 or total(ends[-1]) < ask:
+    k = bisect_right(ends, ask, key=total_at)
+    if k == 0 or total_at(ends[-1]) < ask:
         return np.full(len(units), np.nan)
     start, end = ends[k - 1], ends[min(k, len(ends) - 1)]
-    share = (ask - total(start)) / (total(end) - total(start) or 1)
-    return np.array(limits(start + share * (end - start)), dtype=float)
+    share = (ask - total_at(start)) / (total_at(end) - total_at(start) or 1)
+    return np.array(limits_at(start + share * (end - start)), dtype=float)
 
 
-def trial(adapter: Adapter, solver: str, task: Row, limit: float) -> Row:
+def try_problem(adapter: Adapter, solver: str, task: Row, limit: float) -> Row:
     """What a solver says and gives, beside the optimum; times [s]. An alarm ends the process after `limit` [s]."""
     signal.setitimer(signal.ITIMER_REAL, limit)
     program = mass, ask, lower, upper = draw(**task)
@@ -100,21 +100,21 @@ def trial(adapter: Adapter, solver: str, task: Row, limit: float) -> Row:
     return row | {"exact": min(exact)}
 
 
-def be_quiet() -> None:
+def begin_quietly() -> None:
     """Begin a process that ends with its parent, and whose solvers print to nowhere."""
     begin_worker()
     for stream in (1, 2):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
 
 
-def tried(adapter: Adapter, solver: str, tasks: list[Row], limit: float = LIMIT) -> list[Row]:
+def try_solver(adapter: Adapter, solver: str, tasks: list[Row], limit: float = LIMIT) -> list[Row]:
     """A row of each task; after a hang or a crash, of those of other families and settings."""
     rows, left, apart = list[Row](), [*tasks], multiprocessing.get_context("forkserver")
     while left:
-        with ProcessPoolExecutor(1, apart, be_quiet) as pool, suppress(BrokenProcessPool):
+        with ProcessPoolExecutor(1, apart, begin_quietly) as pool, suppress(BrokenProcessPool):
             while left:
                 started = default_timer()
-                rows.append(pool.submit(trial, adapter, solver, left[0], limit).result())
+                rows.append(pool.submit(try_problem, adapter, solver, left[0], limit).result())
                 del left[0]
         if left:
             end = "hangs" if default_timer() - started >= limit else "crashes"
@@ -126,13 +126,14 @@ def tried(adapter: Adapter, solver: str, tasks: list[Row], limit: float = LIMIT)
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Every solver of the list that a library says it has, over each event."""
-    several = []
-    for event, (library, name) in product(range(events), reached()):
-        own = SOLVERS.loc[name.lower(), "package"] if library != "casadi" else ""
-        label, by = f"{name} {own and version(own)}".strip(), f"{library} {version(library)}"
+    cells = []
+    for event, (library, name) in product(range(events), find_solvers()):
+        package = SOLVERS.loc[name.lower(), "package"] if library != "casadi" else ""
+        label = f"{name} {package and version(package)}".strip()
+        by = f"{library} {version(library)}"
         args = library, name, f"{label} {by}", event, seed
-        several.append(Cell(f"{library}/{name}/{event}", args, {"solver": label, "by": by}))
-    return several
+        cells.append(Cell(f"{library}/{name}/{event}", args, {"solver": label, "by": by}))
+    return cells
 
 
 def run(library: str, solver: str, versions: str, event: int, seed: int) -> list[Row]:
@@ -140,7 +141,8 @@ def run(library: str, solver: str, versions: str, event: int, seed: int) -> list
     settings = [*SETTINGS] if SOLVERS.loc[solver.lower(), "tolerances"] else ["default"]
     tasks = product(settings, FAMILIES, SIZES, [event], [seed])
     keys = ("setting", "family", "n", "event", "seed")
-    return tried(ADAPTERS[library], solver, [dict(zip(keys, task, strict=True)) for task in tasks])
+    rows = [dict(zip(keys, task, strict=True)) for task in tasks]
+    return try_solver(ADAPTERS[library], solver, rows)
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:

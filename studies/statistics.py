@@ -19,7 +19,7 @@ CONFIDENCE = 0.95
 FEWEST = 10
 """Events below which a claim gets no verdict."""
 SHOWN = 5
-"""Events below which a number is told without its interval."""
+"""Events below which a number is printed without its interval."""
 BOOTSTRAPPED = (8, 1000)
 """Numbers of events for which the mean is bootstrapped; fewer have too little to draw from, more make t as good."""
 RESAMPLES = 1999
@@ -41,8 +41,8 @@ class Interval(NamedTuple):
             return "–"
         value = in_digits(scale * self.value, digits, sign)
         low, high = (in_digits(scale * bound, digits, False) for bound in (self.low, self.high))
-        told = self.events >= SHOWN and self.low < self.high
-        return f"{value} [{low}, {high}]" if told else value
+        shown = self.events >= SHOWN and self.low < self.high
+        return f"{value} [{low}, {high}]" if shown else value
 
     def tied(self, little: float) -> bool:
         """Of a difference: whether it cannot be told from 0, or nobody chooses by it, being less than `little`."""
@@ -56,8 +56,8 @@ class Interval(NamedTuple):
 def in_digits(value: float, digits: int, sign: bool) -> str:
     """A number with the typographic minus, and without one before a zero."""
     rounded = round(value, digits) + 0.0
-    told = f"{rounded:+.{digits}f}" if sign else f"{rounded:.{digits}f}"
-    return told.replace("-", "\N{MINUS SIGN}")
+    text = f"{rounded:+.{digits}f}" if sign else f"{rounded:.{digits}f}"
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
 def mean(values: Any) -> Interval:
@@ -83,7 +83,7 @@ def mean(values: Any) -> Interval:
             confidence_level=1 - 2 * scipy.stats.norm.cdf(-wider),
         ).confidence_interval
     if not np.isfinite([low, high]).all():  # a jackknife without spread gives none
-        low, high = _student(x, CONFIDENCE)
+        low, high = _student_bounds(x, CONFIDENCE)
     return Interval(float(x.mean()), float(low), float(high), x.size)
 
 
@@ -92,8 +92,8 @@ def share(true: Any) -> Interval:
     x = np.asarray(true, dtype=bool)
     if not x.size:
         return Interval(np.nan, np.nan, np.nan, 0)
-    found = scipy.stats.binomtest(int(x.sum()), x.size).proportion_ci(CONFIDENCE, method="wilson")
-    return Interval(float(x.mean()), float(found.low), float(found.high), x.size)
+    bounds = scipy.stats.binomtest(int(x.sum()), x.size).proportion_ci(CONFIDENCE, method="wilson")
+    return Interval(float(x.mean()), float(bounds.low), float(bounds.high), x.size)
 
 
 def _finite(values: Any) -> Floats:
@@ -101,27 +101,14 @@ def _finite(values: Any) -> Floats:
     return x[np.isfinite(x)]
 
 
-def _student(x: Floats, confidence: float) -> tuple[float, float]:
+def _student_bounds(x: Floats, confidence: float) -> tuple[float, float]:
     if not np.ptp(x):
         return float(x[0]), float(x[0])
     low, high = scipy.stats.ttest_1samp(x, 0.0).confidence_interval(confidence)
     return float(low), float(high)
 
 
-Numbers = Mapping[str, tuple[str, int, float]]
-"""Heading -> column of rows, digits, scale."""
-
-
-def means(rows: pd.DataFrame, numbers: Numbers, other: str = "") -> dict[str, str]:
-    """Means of columns as texts by their headings; less, row by row, those of column_other where an `other` is named."""
-    found = {}
-    for words, (name, digits, scale) in numbers.items():
-        less = rows[f"{name}_{other}"] if other else 0.0
-        found[words] = mean(rows[name] - less).text(digits, scale, sign=bool(other))
-    return found
-
-
-def forest(
+def draw_forest(
     axes: "Axes",
     rows: Mapping[str, Sequence[Interval]],
     parts: Mapping[str, Any] = {},
@@ -131,10 +118,10 @@ def forest(
 
     `bound`: where a line stands that intervals are compared with.
     """
-    for j, (name, several) in enumerate(rows.items()):
+    for j, (name, numbers) in enumerate(rows.items()):
         colour = parts[name].colour if name in parts else "0.2"
-        for k, one in enumerate(several):
-            x, y = (one.low, one.value, one.high), [j + 0.25 * k] * 3
+        for k, number in enumerate(numbers):
+            x, y = (number.low, number.value, number.high), [j + 0.25 * k] * 3
             face = "white" if k else colour
             axes.plot(x, y, "os"[k] + "-", color=colour, mfc=face, markevery=[1])
     axes.set_yticks(np.arange(len(rows)) + 0.125, rows)
@@ -161,7 +148,7 @@ class Claim(NamedTuple):
     """What it implies too, over the same events."""
     digits: int = 3
     scale: float = 1.0
-    """Digits and scale in which its numbers are told."""
+    """Digits and scale of its numbers as texts."""
 
     @property
     def bound(self) -> float:
@@ -184,7 +171,7 @@ class Statement(NamedTuple):
     number: Interval
     conditions: tuple[str, ...] = ()
 
-    def told(self, number: Interval) -> str:
+    def text(self, number: Interval) -> str:
         """A number in the digits and the scale of the claim."""
         return number.text(self.claim.digits, self.claim.scale)
 
@@ -194,40 +181,40 @@ def judge(claims: Sequence[Claim], family: bool = True) -> list[Statement]:
 
     Parts share the level of their claim (Bonferroni). What a claim implies besides is tested at 95 %.
     """
-    values = [_finite(one.values) for one in claims]
-    p = np.array([_p_value(x, one) for x, one in zip(values, claims, strict=True)])
+    values = [_finite(claim.values) for claim in claims]
+    p = np.array([_p_value(x, claim) for x, claim in zip(values, claims, strict=True)])
     levels = holm(p) if family else np.full(len(claims), 1 - CONFIDENCE)
-    return [_judged(*one) for one in zip(claims, values, levels.tolist(), strict=True)]
+    cases = zip(claims, values, levels.tolist(), strict=True)
+    return [_judge_claim(*case) for case in cases]
 
 
-def _judged(claim: Claim, x: Floats, alpha: float) -> Statement:
-    found = Statement(claim, TOO_FEW, mean(x))
+def _judge_claim(claim: Claim, x: Floats, alpha: float) -> Statement:
+    statement = Statement(claim, TOO_FEW, mean(x))
     if x.size < FEWEST:
-        return found
-    whole = _side(x, claim.least, claim.most, alpha)
-    parts = {name: _finite(claim.values[true]) for name, true in claim.parts.items()}
-    sides = {
-        name: _side(own, claim.least, claim.most, alpha / len(parts)) for name, own in parts.items()
-    }
+        return statement
+    whole = _find_side(x, claim.least, claim.most, alpha)
+    conditions: dict[int, list[str]] = {-1: [], 0: [], 1: []}
+    for name, true in claim.parts.items():
+        part = _finite(claim.values[true])
+        side = _find_side(part, claim.least, claim.most, alpha / len(claim.parts))
+        word = "not with" if whole > 0 else "with"
+        conditions[side].append(f"{word} {name}: {statement.text(mean(part))}")
     if whole > 0:
-        wrong = [f"not with {name}: {found.told(mean(parts[name]))}"
-                 for name, side in sides.items() if side < 0]  # fmt: skip
-        for one in claim.besides:
-            if _side(_finite(one.values), one.least, one.most, 1 - CONFIDENCE) < 0:
-                told = mean(one.values).text(one.digits, one.scale)
-                wrong.append(f"not besides, {one.text}: {told}")
-        return found._replace(verdict=CONDITIONS if wrong else HOLDS, conditions=tuple(wrong))
-    right = [f"with {name}: {found.told(mean(parts[name]))}"
-             for name, side in sides.items() if side > 0]  # fmt: skip
-    verdict = CONDITIONS if right else UNDECIDED if whole == 0 else FAILS
-    return found._replace(verdict=verdict, conditions=tuple(right))
+        wrong = conditions[-1]
+        for implied in claim.besides:
+            if _find_side(_finite(implied.values), implied.least, implied.most, 1 - CONFIDENCE) < 0:
+                number = mean(implied.values).text(implied.digits, implied.scale)
+                wrong.append(f"not besides, {implied.text}: {number}")
+        return statement._replace(verdict=CONDITIONS if wrong else HOLDS, conditions=tuple(wrong))
+    verdict = CONDITIONS if conditions[1] else UNDECIDED if whole == 0 else FAILS
+    return statement._replace(verdict=verdict, conditions=tuple(conditions[1]))
 
 
-def _side(x: Floats, least: float, most: float, alpha: float) -> int:
+def _find_side(x: Floats, least: float, most: float, alpha: float) -> int:
     """1: the interval of the mean lies within the bounds; -1: beyond one of them; 0: it contains one."""
     if x.size < FEWEST:
         return 0
-    low, high = _student(x, 1 - alpha)
+    low, high = _student_bounds(x, 1 - alpha)
     return int(low > least and high < most) - int(high < least or low > most)
 
 
@@ -255,31 +242,24 @@ def holm(p: Floats) -> Floats:
 def statement_table(statements: Sequence[Statement]) -> pd.DataFrame:
     """One row per statement: name, claim, bound, verdict, mean with interval, number of events, conditions."""
     rows = []
-    for one in statements:
-        claim = one.claim
-        bounds = ((">", claim.least), ("<", claim.most))
-        told = [f"{sign} {in_digits(claim.scale * bound, claim.digits, False)}"
-                for sign, bound in bounds if np.isfinite(bound)]  # fmt: skip
-        rows.append(
-            {
-                "name": claim.name,
-                "claim": claim.text,
-                "bound": ", ".join(told),
-                "verdict": one.verdict,
-                "mean [95 %]": one.told(one.number),
-                "events": one.number.events,
-                "conditions": "; ".join(one.conditions),
-            }
-        )
-    return pd.DataFrame(rows)
+    for claim, verdict, number, conditions in statements:
+        bounds = [
+            f"{sign} {in_digits(claim.scale * bound, claim.digits, False)}"
+            for sign, bound in ((">", claim.least), ("<", claim.most))
+            if np.isfinite(bound)
+        ]
+        texts = ", ".join(bounds), verdict, number.text(claim.digits, claim.scale)
+        rows.append((claim.name, claim.text, *texts, number.events, "; ".join(conditions)))
+    heads = ["name", "claim", "bound", "verdict", "mean [95 %]", "events", "conditions"]
+    return pd.DataFrame(rows, columns=heads)
 
 
-def told(table: pd.DataFrame) -> pd.DataFrame:
-    """A `statement_table` for people: each claim once, with its bound, before all of which it is claimed; conditions are
-    told by their means."""
+def shorten_statements(table: pd.DataFrame) -> pd.DataFrame:
+    """A `statement_table` for people: each claim once, with its bound, before all of which it is claimed; conditions have
+    means alone."""
     claim = table["claim"].str.cat(table["bound"], ": ")
     conditions = table["conditions"].str.replace(r" \[[\d−].*?\]", "", regex=True)
     verdict = table["verdict"].str.cat(conditions, ": ").str.removesuffix(": ")
-    found = table.assign(claim=claim, verdict=verdict).drop(columns=["bound", "conditions"])
-    found = found.iloc[np.argsort(pd.factorize(claim)[0], kind="stable")]
-    return found.assign(claim=found["claim"].mask(found["claim"].duplicated(), ""))
+    short = table.assign(claim=claim, verdict=verdict).drop(columns=["bound", "conditions"])
+    short = short.iloc[np.argsort(pd.factorize(claim)[0], kind="stable")]
+    return short.assign(claim=short["claim"].mask(short["claim"].duplicated(), ""))

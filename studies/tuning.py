@@ -14,7 +14,7 @@ from alloc.evaluation.metrics import evaluate
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.run.simulation import simulate
 from alloc.schema.errors import InputError
-from studies import run_cell as runs
+from studies import run_cell
 from studies.files.scenario import Scenario
 from studies.population import population
 from studies.runner.study import Cell, Row, Study
@@ -31,14 +31,14 @@ STEEP = ("polach-dry", "polach-by-friction")
 
 
 @cache
-def candidates(name: str) -> list[Controller]:
+def draw_candidates(name: str) -> list[Controller]:
     """The controller of this name as it ships, then with parameters changed."""
-    own, found = CONTROLLERS[name], [CONTROLLERS[name]]
+    shipped, candidates = CONTROLLERS[name], [CONTROLLERS[name]]
     g = np.random.default_rng([11, *name.encode()])
-    while len(found) < CANDIDATES:
+    while len(candidates) < CANDIDATES:
         values = {}
-        for key in own.settings:
-            usual = own.memory.columns[key].default
+        for key in shipped.settings:
+            usual = shipped.memory.columns[key].default
             if key in FIXED or not isinstance(usual, int | float) or g.random() < 0.5:
                 continue
             scaled = usual * FACTOR ** g.uniform(-1.0, 1.0)
@@ -46,10 +46,10 @@ def candidates(name: str) -> list[Controller]:
                 max(1, round(scaled)) if isinstance(usual, int) else float(f"{scaled:.3g}")
             )
         try:
-            found.append(own.tuned(**values))
+            candidates.append(shipped.tuned(**values))
         except InputError:  # beyond its bounds: draw again
             continue
-    return found
+    return candidates
 
 
 def cells(events: int, seed: int) -> list[Cell]:
@@ -57,18 +57,21 @@ def cells(events: int, seed: int) -> list[Cell]:
     names = [name for name in CONTROLLERS.shipped() if name not in LEFT_OUT]
     chosen = [k for k in range(2 * events + 10) if population.draw(seed, k)["curve"] not in STEEP]
     return [
-        Cell(f"{one.name}/{name}/{j}", (one, name, j, k), {"scenario": one.name, "controller": name, "candidate": j})
-        for k in chosen[:events]
-        for one in [population.event(seed, k)]
+        Cell(
+            f"{scenario.name}/{name}/{j}",
+            (scenario, name, j, k),
+            {"scenario": scenario.name, "controller": name, "candidate": j},
+        )
+        for k, scenario in ((k, population.event(seed, k)) for k in chosen[:events])
         for name in names
         for j in range(CANDIDATES)
-    ]  # fmt: skip
+    ]
 
 
 def run(scenario: Scenario, name: str, j: int, k: int) -> Row:
     """Use of the bound and wheel damage [kJ] of a candidate where units act alone."""
-    found = evaluate(simulate(runs.event_of(scenario, k), "alone", candidates(name)[j]))
-    return {"bound_use": found["bound_use"], "damage": found["damage"]}
+    metrics = evaluate(simulate(run_cell.event_of(scenario, k), "alone", draw_candidates(name)[j]))
+    return {"bound_use": metrics["bound_use"], "damage": metrics["damage"]}
 
 
 def objective(rows: pd.DataFrame) -> float:
@@ -76,29 +79,29 @@ def objective(rows: pd.DataFrame) -> float:
     return float(100.0 * rows["bound_use"].mean() - PRICE * math.log(rows["damage"].sum()))
 
 
+HEADS = (
+    "controller", "candidates", "events", "used [%]", "Q [kJ]", "place of the shipped",
+    "best: objective over the shipped [points]", "used by the best [%]", "its parameters",
+)  # fmt: skip
+
+
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """The controllers as they ship, and the best candidate of each: what it wins, and its parameters."""
     lines = []
-    for name, own in runs.complete(rows).groupby("controller", sort=False):
-        by = {int(j): objective(part) for j, part in own.groupby("candidate")}
+    for name, runs in run_cell.complete(rows).groupby("controller", sort=False):
+        by = {int(j): objective(part) for j, part in runs.groupby("candidate")}
         best = max(by, key=by.__getitem__)
-        shipped, other = (own[own["candidate"] == j] for j in (0, best))
-        controllers = CONTROLLERS[str(name)], candidates(str(name))[best]
-        usual, tried = (one.memory.columns for one in controllers)
-        changed = [
-            f"{key} {tried[key].default}"
-            for key in controllers[0].settings
-            if tried[key].default != usual[key].default
-        ]
-        lines.append({
-            "controller": name, "candidates": len(by), "events": len(shipped),
-            "used [%]": f"{100.0 * shipped['bound_use'].mean():.2f}", "Q [kJ]": f"{shipped['damage'].mean():.0f}",
-            "place of the shipped": sorted(by.values(), reverse=True).index(by[0]) + 1,
-            "best: objective over the shipped [points]": f"{by[best] - by[0]:+.2f}",
-            "used by the best [%]": f"{100.0 * other['bound_use'].mean():.2f}",
-            "its parameters": ", ".join(changed) or "as shipped",
-        })  # fmt: skip
-    return pd.DataFrame(lines)
+        shipped, winner = (runs[runs["candidate"] == j] for j in (0, best))
+        settings = CONTROLLERS[str(name)].settings
+        usual, tuned = (draw_candidates(str(name))[j].memory.columns for j in (0, best))
+        changed = [key for key in settings if tuned[key].default != usual[key].default]
+        used = [f"{100.0 * part['bound_use'].mean():.2f}" for part in (shipped, winner)]
+        damage = f"{shipped['damage'].mean():.0f}"
+        place = sorted(by.values(), reverse=True).index(by[0]) + 1
+        parameters = ", ".join(f"{key} {tuned[key].default}" for key in changed) or "as shipped"
+        numbers = damage, place, f"{by[best] - by[0]:+.2f}", used[1], parameters
+        lines.append((name, len(by), len(shipped), used[0], *numbers))
+    return pd.DataFrame(lines, columns=list(HEADS))
 
 
 QUESTION = "Which parameters of each readhesion controller serve it best at equal budget?"

@@ -13,11 +13,11 @@ from alloc.plant.rail import Patch, Rail
 from alloc.plant.trains import find_train
 from alloc.run.driving import NO_COMMAND, drive
 from alloc.run.event import Event
-from studies.jp4209318 import train
+from studies.jp4209318 import build_train
 
 START, RADIUS, INERTIA, AXLES = 100.0 / 3.6, 0.43, 120.0, 12
 ROTATING = INERTIA / RADIUS**2
-TRAIN = train(3, shoe_force_share=0.14)
+TRAIN = build_train(3, shoe_force_share=0.14)
 RAIL = Rail(0.125, (150.0, 150.0, 0.0), curve=SlipRatioCurve(0.03, residual_ratio=1.0))
 """The same for all axles and not calibrated on anything, so that a test can state its adhesion in one line."""
 

@@ -84,21 +84,25 @@ def compare(
     from studies.runner.plugins import try_own_parts
 
     scenarios = [load_scenario(name) for name in scenario or ()]
-    chosen = comparison.grid(scenarios, rules, controllers, seeds)
+    chosen = comparison.choose_grid(scenarios, rules, controllers, seeds)
     folder = work.out / "compare"
     if not work.dry_run:
         for event in chosen.scenarios:
             _print_messages(*find_remarks(event.event()))
         try_own_parts(chosen.rules, chosen.controllers)
-    results = _run_study(comparison.study_of(chosen), folder, work)
+    results = _run_study(comparison.make_study(chosen), folder, work)
     if results is None:
         return 0
     rows, _ = results
     if work.as_json:
-        _print_json(comparison.as_json(rows))
+        _print_json(comparison.export_comparison(rows))
     else:
-        standings = comparison.standings(rows)
-        print("\n".join([comparison.answer(standings), *comparison.lines(standings)]))
+        standings = comparison.rank_rules(rows)
+        print(
+            "\n".join(
+                [comparison.summarise_standings(standings), *comparison.format_standings(standings)]
+            )
+        )
         shown = "" if work.out == Path("results") else f" --results {work.out}"
         print(f"{_count_rows(rows)} in {folder}; next: readhesion report{shown}")
     return 0 if (rows["status"] == "ok").any() else FAILED
@@ -158,9 +162,9 @@ def simulate(
         save(run, out)
     if figure is not None:
         import paper_figs
-        from paper_figs.event import course
+        from paper_figs.event import draw_course
 
-        paper_figs.save(lambda: course(run), figure)
+        paper_figs.save(lambda: draw_course(run), figure)
     if as_json:
         names = {"scenario": event.name, "rule": rule, "controller": controller, "seed": seed}
         _print_json({**names, "metrics": values})
@@ -227,7 +231,7 @@ def benchmark(
     folder = work.out / "benchmark"
     code = _print_answer(bench.STUDY, folder, events, seed, work)
     if store is not None and not work.dry_run and code == 0:
-        bench.store(pd.read_parquet(folder / "rows.parquet"), store)
+        bench.store_rows(pd.read_parquet(folder / "rows.parquet"), store)
     return code
 
 
@@ -251,8 +255,8 @@ def rank(
     from studies import benchmark as bench
 
     tables_of_parts = {}
-    for pair in bench.pairs_of(part, under):
-        study = bench.own_study(*pair)
+    for pair in bench.find_pairs(part, under):
+        study = bench.rank_study(*pair)
         results = _run_study(study, work.out / study.name, work, events)
         if results is None:
             continue
@@ -260,9 +264,9 @@ def rank(
         if not tables:
             return _report_failure(study, rows)
         if work.as_json:
-            tables_of_parts[bench.named(*pair)[0]] = tables
+            tables_of_parts[bench.compared_parts(*pair)[0]] = tables
         else:
-            print("\n".join(bench.told(pair, tables)))
+            print("\n".join(bench.format_rank(pair, tables)))
             print(f"{_count_rows(rows)} in {work.out / study.name}")
     if work.as_json:
         _print_json(tables_of_parts)
@@ -278,7 +282,7 @@ def _print_answer(
 ) -> int:
     """Run a study and print its tables; the exit code."""
     from studies.runner.rows import markdown_table
-    from studies.statistics import told
+    from studies.statistics import shorten_statements
 
     results = _run_study(study, folder, work, events, seed)
     if results is None:
@@ -289,7 +293,10 @@ def _print_answer(
     if work.as_json:
         _print_json(tables)
     else:
-        shown = [told(table) if name == "statements" else table for name, table in tables.items()]
+        shown = [
+            shorten_statements(table) if name == "statements" else table
+            for name, table in tables.items()
+        ]
         print("\n".join([study.question, "", *map(markdown_table, shown)]))
         written = "tables and figure" if study.figure else "tables"
         print(f"{_count_rows(rows)}, {written} in {folder}")
@@ -477,7 +484,7 @@ def _run_study(
     study: "Study", folder: Path, work: Work, events: int | None = None, seed: int | None = None
 ) -> "tuple[pd.DataFrame, dict[str, pd.DataFrame]] | None":
     """The rows of a study and its tables, written with its figure; of a dry run None, and a forecast."""
-    from paper_figs import styled
+    from paper_figs import apply_style
     from studies.runner.study import count_missing, run_study, write_results
     from studies.runner.workers import count_cores
 
@@ -492,7 +499,7 @@ def _run_study(
         return None
     workers = jobs, work.scheduler, work.retry_failed
     rows = run_study(study, folder, events, seed, *workers, quiet=False)
-    with styled():
+    with apply_style():
         return rows, write_results(study, rows, folder)
 
 

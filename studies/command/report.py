@@ -22,13 +22,14 @@ from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant import curves
 from alloc.rules import RULES
 from alloc.run.recording import list_versions
-from studies import StudyError
+from studies import StudyError, compare
 from studies.command.citations import Citation, find_uses
-from studies.compare import EFFORT, REFERENCE, Standing, answer, by_controller, informed, standings
+from studies.compare import REFERENCE, Standing
 from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario, shipped_names
 from studies.files.toml_keys import suggest_name
 from studies.run_cell import recorded
+from studies.standing import EFFORT
 
 SHOWN_EVENTS = 3
 """Events that are replayed where nobody names them."""
@@ -52,19 +53,19 @@ def write_report(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
         needs = "a report needs jinja2 and plotly: pip install 'readhesion[report]'"
         raise StudyError(needs) from None
     rows = _read_rows(folder)
-    places = standings(rows)
-    by_name = by_controller(places)
+    places = compare.rank_rules(rows)
+    by_name = compare.group_by_controller(places)
     replays, left_out = _compute_replays(rows, places, _choose_events(rows, events))
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # names in our order
     text = environment.from_string(Path(__file__).with_suffix(".html").read_text("utf-8")).render(
         plotly=Markup(get_plotlyjs()),
         reference=REFERENCE if REFERENCE in rows["rule"].values else "",
-        answer=answer(places).splitlines(),
+        answer=compare.summarise_standings(places).splitlines(),
         about={kind: rows[kind].nunique() for kind in ("scenario", "rule", "controller", "seed")},
         runs=len(rows),
         forests=[_forest_of(controller, under) for controller, under in by_name.items()],
-        informed=informed([place.rule for place in places]),
+        informed=compare.list_information([place.rule for place in places]),
         numbers=Markup(_number_table(places)),
         metrics=Markup(_metric_table(rows)),
         failed=Markup(_failure_table(rows)),
@@ -101,7 +102,7 @@ def _read_rows(folder: Path) -> pd.DataFrame:
 def _forest_of(controller: str, places: Sequence[Standing]) -> dict[str, Any]:
     """Gains over the reference [points] under a controller, for the page to draw; the best last, which is on top."""
     drawn = [place for place in places if place.rule != REFERENCE][::-1]
-    gains = [place.gain for place in drawn]
+    gains = [place.numbers["gain"] for place in drawn]
     spans = [
         (gain.value - gain.low, gain.high - gain.value) if gain.low < gain.high else (0.0, 0.0)
         for gain in gains
@@ -123,11 +124,11 @@ def _number_table(places: Sequence[Standing]) -> str:
         {
             "rule": place.name,
             "controller": place.controller,
-            "bound used [%]": place.used.text(1, 100.0),
-            f"points over {REFERENCE}": place.gain.text(2, 100.0, sign=True),
-            "wheel damage [kJ]": place.damage.text(1, sign=True),
-            "slip [axle s]": place.slip.text(1, sign=True),
-            "beyond the plan [%]": f"{100.0 * place.over:.2f}",
+            "bound used [%]": place.numbers["used"].text(1, 100.0),
+            f"points over {REFERENCE}": place.numbers["gain"].text(2, 100.0, sign=True),
+            "wheel damage [kJ]": place.numbers["damage"].text(1, sign=True),
+            "slip [axle s]": place.numbers["slip"].text(1, sign=True),
+            "beyond the plan [%]": f"{100.0 * place.over_delivery:.2f}",
         }
         for place in places
     ]
@@ -206,7 +207,7 @@ def _compute_replays(
     stored = good.set_index(["scenario", "controller", "rule"])[EFFORT].to_dict()
     replays: dict[str, Any] = {event.name: {"title": event.title, "runs": {}} for event in events}
     size, left_out = 0, 0
-    for rule, event, controller in product(rules, events, by_controller(places)):
+    for rule, event, controller in product(rules, events, compare.group_by_controller(places)):
         if (event.name, controller, rule) not in stored:
             continue
         if size > MOST_NUMBERS:

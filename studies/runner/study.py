@@ -22,7 +22,7 @@ from studies.runner.plugins import ASKED, slow
 from studies.runner.row_key import key_of, read_anew
 from studies.runner.rows import BOOKKEEPING, Row, append_rows, read_rows, write_table
 from studies.runner.workers import compute_rows
-from studies.statistics import Statement, statement_table, told
+from studies.statistics import Statement, shorten_statements, statement_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # half a second that workers do not need
@@ -159,7 +159,9 @@ def write_results(study: Study, rows: pd.DataFrame, folder: str | Path) -> dict[
         return {}
     tables = study.make_tables(rows)
     for name, table in tables.items():
-        write_table(table, folder / name, told(table) if name == "statements" else None)
+        write_table(
+            table, folder / name, shorten_statements(table) if name == "statements" else None
+        )
     if study.figure is not None:
         write_whole(folder / "figure.pdf", study.figure(rows).savefig)
     return tables

@@ -11,7 +11,7 @@ from studies import benchmark
 from studies.population import population
 from studies.runner.study import run_study
 
-RULES_RUN, LAWS_RUN = ("alone", "cooperative", "oracle"), ("cut-and-ramp", "perturb-observe")
+RULES_RUN, CONTROLLERS_RUN = ("alone", "cooperative", "oracle"), ("cut-and-ramp", "perturb-observe")
 
 
 @pytest.fixture(scope="module")
@@ -20,20 +20,21 @@ def rows(tmp_path_factory):
 
     def cells(events, seed):
         return [one for one in benchmark.cells(events, seed)
-                if one.columns["rule"] in RULES_RUN and one.columns["controller"] in LAWS_RUN]  # fmt: skip
+                if one.columns["rule"] in RULES_RUN and one.columns["controller"] in CONTROLLERS_RUN]  # fmt: skip
 
     made = run_study(replace(benchmark.STUDY, cells=cells), tmp_path_factory.mktemp("rows"), 3)
     assert set(made["status"]) == {"ok"}
     found = [made]
     alone = made[(made["rule"] == "alone") & made["knob"].isna()]
-    for law, rules in benchmark.UNDER.items():
-        own = made[made["controller"] == law]
-        base = alone[alone["controller"] == (law if len(own) else "perturb-observe")]
+    for controller, rules in benchmark.UNDER.items():
+        own = made[made["controller"] == controller]
+        base = alone[alone["controller"] == (controller if len(own) else "perturb-observe")]
         found += [
-            base.assign(rule=one, controller=law) for one in rules if one not in set(own["rule"])
+            base.assign(rule=rule, controller=controller)
+            for rule in sorted({*rules} - {*own["rule"]})
         ]
     base = alone[alone["controller"] == "perturb-observe"]
-    found += [base.assign(controller=law) for law in ("none", "pi-creep")]
+    found += [base.assign(controller=name) for name in ("none", "pi-creep")]
     return pd.concat(found, ignore_index=True)
 
 
@@ -66,37 +67,37 @@ def test_tables_have_a_row_for_each_pair(rows):
     assert len(found) == sum(map(len, benchmark.UNDER.values()))
     alone = found[found["rule"] == "alone"]["gain over alone [points]"]
     assert set(alone) == {"+0.00"}
-    laws = benchmark.controllers(rows).set_index("controller")
-    assert laws.loc["perturb-observe", "over perturb-observe [points]"] == "+0.00"
-    points = benchmark.front(rows)
+    controllers = benchmark.tabulate_controllers(rows).set_index("controller")
+    assert controllers.loc["perturb-observe", "over perturb-observe [points]"] == "+0.00"
+    points = benchmark.tabulate_front(rows)
     own = points[points["own"]].set_index("controller")["used [%]"]
-    used = benchmark.alone(rows).mean() * 100.0
-    assert own["cut-and-ramp"] == pytest.approx(used["cut-and-ramp"])
+    used = benchmark.split_runs(rows, "alone")["cut-and-ramp"]["bound_use"].mean() * 100.0
+    assert own["cut-and-ramp"] == pytest.approx(used)
     assert (points.groupby("controller").size()[["cut-and-ramp", "perturb-observe"]] == 5).all()
 
 
 def test_rows_are_read_as_they_were_stored(rows, tmp_path, monkeypatch):
-    benchmark.store(rows, tmp_path / "kept.parquet")
+    benchmark.store_rows(rows, tmp_path / "kept.parquet")
     monkeypatch.setattr(benchmark, "ROOT", tmp_path)
     with pytest.raises(benchmark.StudyError, match="readhesion benchmark"):
-        benchmark.stored()
+        benchmark.read_stored()
     monkeypatch.setattr(benchmark, "STORED", ("kept.parquet",))
-    again = benchmark.stored()
+    again = benchmark.read_stored()
     assert not benchmark.is_stale()
     assert benchmark.table(again).equals(benchmark.table(rows))
-    assert (benchmark.front(again)["own"] == benchmark.front(rows)["own"]).all()
+    assert (benchmark.tabulate_front(again)["own"] == benchmark.tabulate_front(rows)["own"]).all()
     again.attrs["sources"] = "others"
-    monkeypatch.setattr(benchmark, "stored", lambda: again)
+    monkeypatch.setattr(benchmark, "read_stored", lambda: again)
     assert benchmark.is_stale()
 
 
 def test_a_rule_is_ranked_among_the_stored_ones(rows, monkeypatch):
-    stored = rows.astype(dict.fromkeys(benchmark.KEPT, "float32"))
+    stored = rows.astype(dict.fromkeys(benchmark.METRICS_STORED, "float32"))
     own = rows[(rows["rule"] == "cooperative") & (rows["controller"] == "perturb-observe")]
     own = own.assign(bound_use=own["bound_use"] + 0.01)
-    monkeypatch.setattr(benchmark, "stored", lambda: stored)
+    monkeypatch.setattr(benchmark, "read_stored", lambda: stored)
     pair = "mine", "perturb-observe"
-    tables = benchmark.own_study(*pair).make_tables(own)
+    tables = benchmark.rank_study(*pair).tables(own)
     places, gains = tables["table"], tables["gains"]
     by = places.set_index("name")
     assert by.loc["mine", "used"] == pytest.approx(by.loc["cooperative", "used"] + 1.0, abs=1e-4)
@@ -105,19 +106,19 @@ def test_a_rule_is_ranked_among_the_stored_ones(rows, monkeypatch):
     assert by.loc["oracle", "mark"] == "°"
     assert list(places["used"]) == sorted(places["used"], reverse=True)
     assert gains.loc[0, "number"] == 3
-    used = benchmark.used(stored, "perturb-observe")
-    expected = 100.0 * (used["cooperative"] - used["alone"]).mean() + 1.0
+    runs = benchmark.split_runs(stored, "perturb-observe")
+    expected = benchmark.find_gain(runs, "cooperative", "alone").mean() + 1.0
     assert gains.loc[0, "gain"] == pytest.approx(expected, abs=1e-4)
-    said = benchmark.told(pair, tables)
+    said = benchmark.format_rank(pair, tables)
     assert max(map(len, said)) <= 80
     assert sum(one.startswith(">") for one in said) == 1
 
 
 def test_a_controller_is_ranked_where_units_act_alone(rows):
     own = rows[(rows["rule"] == "alone") & (rows["controller"] == "pi-creep")]
-    places, gains = (
-        make(rows, own, "alone", "mine") for make in (benchmark.places, benchmark.gains)
-    )
+    pair = "alone", "mine"
+    places = benchmark.tabulate_places(rows, own, pair)
+    gains = benchmark.tabulate_gains(rows, own, pair)
     by = places.set_index("name")
     assert by.loc["pi-creep", "tied"]
     assert gains.loc[0, "gain"] == pytest.approx(0.0, abs=1e-5)
@@ -125,16 +126,16 @@ def test_a_controller_is_ranked_where_units_act_alone(rows):
 
 
 def test_stored_rows_are_of_this_code():
-    stored = benchmark.stored()
+    stored = benchmark.read_stored()
     assert stored["scenario"].nunique() >= 100
     pairs = (
         (1, "cooperative", "perturb-observe"),
         (14, "exact-reported", "mpc"),
         (9, "alone", "pi-creep"),
     )
-    for k, rule, law in pairs:
-        row = benchmark.run(population.event(population.SEED, k), rule, law, k)
+    for k, rule, controller in pairs:
+        row = benchmark.run(population.event(population.SEED, k), rule, controller, k)
         kept = stored[(stored["seed"] == k) & stored["knob"].isna()]
-        kept = kept[(kept["rule"] == rule) & (kept["controller"] == law)].iloc[0]
-        for name in benchmark.KEPT:
+        kept = kept[(kept["rule"] == rule) & (kept["controller"] == controller)].iloc[0]
+        for name in benchmark.METRICS_STORED:
             assert kept[name] == pytest.approx(row[name], rel=1e-3, abs=1e-4, nan_ok=True), name

@@ -99,8 +99,8 @@ def test_a_living_cluster_follows_an_edit(tmp_path):
         for share in (0.5, 0.9):
             write(tmp_path, "cluster-share", READ_AT_ONCE, share, PLAIN)
             load_plugins([path])
-            study = readhesion._compare.study_of(
-                readhesion._compare.grid([SHORT], ["cluster-share"], ["none"], 1)
+            study = readhesion._compare.make_study(
+                readhesion._compare.choose_grid([SHORT], ["cluster-share"], ["none"], 1)
             )
             rows = run_study(study, tmp_path / "results", scheduler=cluster.scheduler_address)
             assert rows["bound_use"].tolist() == pytest.approx([share], abs=0.05)

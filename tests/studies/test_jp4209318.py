@@ -6,14 +6,15 @@ import pytest
 from alloc.evaluation.metrics import damage, distance
 from alloc.evaluation.wheel_damage import wheel_damage
 from alloc.run.simulation import simulate
+from studies import jp4209318
 from studies.files.scenario_files import load_scenario
-from studies.jp4209318 import CALIBRATED, STEP, STUDY, TABLE_3, TABLE_4, cells, laws, stop, train
+from studies.jp4209318 import CALIBRATED, STEP, STUDY, TABLE_3, TABLE_4, build_train
 from studies.runner.study import run_study
 
 
 def test_the_train_is_that_of_table_2():
-    car = train(2).cars[1]
-    assert len(train(2).cars) == 2
+    car = build_train(2).cars[1]
+    assert len(build_train(2).cars) == 2
     assert (car.mass, len(car.axle_positions), car.wheel_radius) == (4 * 2 * 4000.0, 4, 0.43)
     assert car.wheel_inertia == 2 * 60.0
     brake = car.air_brake
@@ -30,7 +31,7 @@ def test_q_is_the_work_of_the_rail_on_sliding_wheels_and_0_without_slide():
 
 @pytest.fixture(scope="module")
 def run():
-    return stop(CALIBRATED, 3, CALIBRATED.protection())
+    return jp4209318.run_stop(CALIBRATED, 3, CALIBRATED.make_protection())
 
 
 def test_the_shipped_scenario_is_the_stop_of_the_calibrated_set(run):
@@ -40,7 +41,7 @@ def test_the_shipped_scenario_is_the_stop_of_the_calibrated_set(run):
 
 
 def test_both_forms_of_the_motion_the_balance_and_q_hold_in_a_record(run):
-    found = laws(run, train())
+    found = jp4209318.check_laws(run, build_train())
     assert max(found["form_1"], found["form_2"]) < 0.02  # m/s, of records 20 ms apart
     assert found["form_1"] == pytest.approx(found["form_2"], abs=1e-9)
     assert found["energy"] < 1e-5  # (27)
@@ -57,13 +58,13 @@ def test_wheels_never_turn_faster_than_the_train_runs(run):
 
 
 def test_a_shorter_step_moves_the_stop_by_less_than_a_millimetre(run):
-    finer = stop(CALIBRATED, 3, CALIBRATED.protection(), STEP / 4)
+    finer = jp4209318.run_stop(CALIBRATED, 3, CALIBRATED.make_protection(), STEP / 4)
     assert distance(finer) == pytest.approx(distance(run), abs=1e-3)
     assert damage(finer) == pytest.approx(damage(run), rel=1e-5)
 
 
 def test_more_events_add_cells_and_change_none():
-    few, more = ({one.name: one for one in cells(n, 0)} for n in (1, 3))
+    few, more = ({one.name: one for one in jp4209318.cells(n, 0)} for n in (1, 3))
     assert few.items() <= more.items()
     assert len(few) == 45 + 5 + 5
 

@@ -6,7 +6,7 @@ import pytest
 from studies import jph07322414 as study
 
 WRONG = np.array([1.3, 0.7, 0.7])
-COMMUTER = study.route("commuter", tunnel_factor=2.0, load=0.5, gradient=0.02, cruise=18.0)
+COMMUTER = study.make_route("commuter", tunnel_factor=2.0, load=0.5, gradient=0.02, cruise=18.0)
 START, END = COMMUTER.line.tunnels[0]
 
 
@@ -18,7 +18,7 @@ def test_the_map_is_read_at_a_point_as_printed_or_car_by_car() -> None:
     assert cars.read(START + half)[0] == pytest.approx(0.5)
     climbing = point.read(COMMUTER.line.stations[1] + half + 1.0)[1]
     assert climbing == pytest.approx(9.80665 * 0.02 / np.sqrt(1.0 + 0.02**2), rel=1e-12)  # (1)
-    assert [point.changing(START + x) for x in (-1.0, 1.0)] == [False, True]
+    assert [point.is_changing(START + x) for x in (-1.0, 1.0)] == [False, True]
 
 
 def test_the_gradient_step_overshoots_beyond_its_bound() -> None:
@@ -49,7 +49,7 @@ def test_under_p_control_the_feedback_gives_the_running_resistance() -> None:
 def test_compensation_and_learning_steady_the_speed_and_find_the_mass() -> None:
     cases = ("feedback", "compensation", "cars", "wrong", "learned", "exact")
     runs = {case: study.drive_case(COMMUTER, case, True, WRONG, seed=1) for case in cases}
-    found = {case: study.measured(COMMUTER, run) for case, run in runs.items()}
+    found = {case: study.measure_run(COMMUTER, run) for case, run in runs.items()}
     for place in study.PLACES:
         peak = {case: numbers[f"speed_peak_{place}"] for case, numbers in found.items()}
         assert peak["cars"] < peak["compensation"] < peak["wrong"] < peak["feedback"]

@@ -14,14 +14,14 @@ def test_the_measured_creep_curve_is_one():
 
 
 def test_a_fit_of_the_rigs_curve_is_nearer_than_either_set():
-    *_, dry, wet, fitted = measured.curve(5.0, 9600.0)
+    *_, dry, wet, fitted = measured.fit_curve(5.0, 9600.0)
     assert fitted < 0.02 < dry < wet
 
 
 @pytest.mark.parametrize("law", ["fuzzy", "threshold"])
 def test_only_growth_along_the_train_makes_the_rear_car_use_more(law):
-    even, *_ = measured.slide(law, 20.0, False)
-    grown, lowest, released = measured.slide(law, 20.0, True)
+    even, *_ = measured.measure_slide(law, 20.0, False)
+    grown, lowest, released = measured.measure_slide(law, 20.0, True)
     assert even == pytest.approx(1.0, abs=0.01)
     assert grown > 1.1
     assert 0.0 < lowest <= 1.0

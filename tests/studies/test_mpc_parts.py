@@ -1,4 +1,4 @@
-"""The MPC's parts exchanged: each works, and differences are those of the same events."""
+"""The MPC's parts exchange_parts: each works, and differences are those of the same events."""
 
 from dataclasses import replace
 
@@ -6,12 +6,12 @@ import pandas as pd
 import pytest
 
 from alloc.onboard.controllers import CONTROLLERS
-from studies.mpc_parts import STUDY, exchanged
+from studies.mpc_parts import STUDY, exchange_parts
 from studies.runner.study import run_study
 from tests.cases import looped
 from tests.wheel import drive
 
-PARTS = exchanged()
+PARTS = exchange_parts()
 # a row that begins as the MPC's is one to what was compiled for that; Numba calls this experimental
 pytestmark = pytest.mark.filterwarnings("ignore:.*experimental feature")
 

@@ -11,7 +11,7 @@ from alloc.evaluation.metrics import METRICS
 from paper_figs.sharing import FIGURES
 from readhesion import simulate
 from studies import braking, claims
-from studies.compare import grid
+from studies.compare import choose_grid
 from studies.files.scenario_files import load_scenario
 from studies.population import draws as events
 from studies.population import population
@@ -102,7 +102,7 @@ def test_all_deviations_taken_back_are_the_printed_patent(monkeypatch):
         cell(braking.event(90, 0), claims.CORRECTED, "cut-and-ramp", 0),
     )
     for arm, keys in braking.AS_PRINTED.items():
-        made = claims.changed_by(made, arm, keys)
+        made = claims.change_cell(made, arm, keys)
     arms = ((made.args[0], claims.CORRECTED), (stop, claims.PRINTED), (stop, claims.CORRECTED))
     together, printed, corrected = (run(*both, "cut-and-ramp", 0)["damage"] for both in arms)
     assert together == printed != corrected
@@ -137,5 +137,5 @@ def test_a_drawn_event_runs_by_its_name_as_its_row_was_made():
     assert load_scenario("random-0-0012") == claims.event(0, 12)
     assert load_scenario("population-65-0002") == population.event(65, 2)
     assert simulate("population-65-0002", "alone", "none").attrs["seed"] == 2
-    cells = grid([load_scenario("population-65-0002")], ["alone"], ["none"], 2).cells()
+    cells = choose_grid([load_scenario("population-65-0002")], ["alone"], ["none"], 2).cells()
     assert [one.args[3] for one in cells] == [2, 3]

@@ -8,7 +8,7 @@ from scipy.signal import sawtooth
 
 from alloc.laws import window
 from studies import readhesion_paper as paper
-from studies.readhesion_paper import IN_USE, MEMBER_STEP, PLAN, Case, Run
+from studies.readhesion_paper import IN_USE, MEMBER_STEP, PLAN, AxleRun, Case
 
 TIME = np.arange(0.0, 16.0, paper.RECORD)
 
@@ -16,7 +16,7 @@ TIME = np.arange(0.0, 16.0, paper.RECORD)
 def made(slip, torque, mu=0.1):
     """A run whose slip is macro slip from 1 m/s on."""
     one = np.ones_like(TIME)
-    return Run(TIME, slip * one, one, mu * one, torque * one, torque * one, one)
+    return AxleRun(TIME, slip * one, one, mu * one, torque * one, torque * one, one)
 
 
 def test_printed_numbers():
@@ -31,23 +31,23 @@ def test_printed_numbers():
 def test_the_start_passes_the_filter_too(unit):
     """2.3: the filter of T_u is behind the product of the driver's torque and the factor."""
     given, time = IN_USE[unit], np.array([1.0, 4.0])
-    command = paper.drive(given, paper.CASE_A, step=MEMBER_STEP).command
+    command = paper.run_axle(given, paper.CASE_A, step=MEMBER_STEP).command
     expected = PLAN * -np.expm1(-time / given.rise)
     np.testing.assert_allclose(command[(time / paper.RECORD).astype(int)], expected, rtol=1e-3)
 
 
 def test_readhesion_is_possible_where_the_cycle_at_14_s_crosses_the_peak():
     swing = 1.0 + 0.5 * sawtooth(2.0 * np.pi * TIME / 0.65)
-    assert paper.possible(made(swing, PLAN * swing))
-    assert not paper.possible(made(swing + 1.0, PLAN * swing))  # macro slip throughout
-    assert not paper.possible(made(TIME / 6.0, PLAN))  # no cycle
-    assert paper.possible(made(0.5, PLAN))  # nothing slips
+    assert paper.is_possible(made(swing, PLAN * swing))
+    assert not paper.is_possible(made(swing + 1.0, PLAN * swing))  # macro slip throughout
+    assert not paper.is_possible(made(TIME / 6.0, PLAN))  # no cycle
+    assert paper.is_possible(made(0.5, PLAN))  # nothing slips
 
 
 def test_means_and_limit_cycle_of_a_known_swing():
     growing = np.where(TIME < 7.8, 0.5, 1.0) * sawtooth(2.0 * np.pi * TIME / 0.65)
     run = made(2.0 + growing, PLAN * (1.0 + 0.1 * growing))
-    found = paper.indices(run, 0.125)
+    found = paper.find_indices(run, 0.125)
     assert (found["used"], found["utilisation"]) == pytest.approx((0.1, 0.8))
     period, slips = paper.limit_cycle(run)
     assert period == pytest.approx(0.65, rel=0.01)
@@ -78,7 +78,7 @@ def test_a_run_solves_the_printed_equations():
         turning = (paper.GEAR * torque - paper.RADIUS * force) / paper.INERTIA
         return force / paper.MASS, turning, (command - torque) / paper.LAG, missing / lag, pace
 
-    run = paper.drive(given, case)
+    run = paper.run_axle(given, case)
     known = solve_ivp(rates, (0.0, 9.0), np.zeros(5), t_eval=time, rtol=1e-7, max_step=5e-3)
     slip = paper.RADIUS * known.y[1] - known.y[0]
     np.testing.assert_allclose(run.slip[:9000:10], slip, atol=0.005 * np.ptp(slip))

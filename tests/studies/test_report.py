@@ -10,7 +10,7 @@ import pytest
 from alloc.rules import RULES
 from studies import StudyError
 from studies.command.report import write_report
-from studies.compare import grid, study_of
+from studies.compare import choose_grid, make_study
 from studies.files.scenario_files import load_scenario
 from studies.runner.study import run_study
 
@@ -23,8 +23,8 @@ NASTY = '<b onclick="alert(1)">mine</b></script>'
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory):
     events = [load_scenario(name) for name in ("wet-patch", "failed-unit")]
-    chosen = grid(events, ["alone", "greedy", "cooperative"], ["cut-and-ramp"], 1)
-    return run_study(study_of(chosen), tmp_path_factory.mktemp("compare"))
+    chosen = choose_grid(events, ["alone", "greedy", "cooperative"], ["cut-and-ramp"], 1)
+    return run_study(make_study(chosen), tmp_path_factory.mktemp("compare"))
 
 
 def page_of(rows: pd.DataFrame, folder: Path, events: tuple[str, ...] = ()) -> Path:

@@ -12,10 +12,10 @@ from studies.rtri import (
     STUDY,
     TESTS,
     cells,
-    estimate,
-    record,
+    estimate_forces,
+    prepare_train,
+    record_test,
     statements,
-    train_of,
 )
 from studies.runner.study import run_study
 
@@ -39,18 +39,18 @@ def test_the_running_tests_are_those_of_the_report():
     assert [TESTS[name].braked for name in CUT_OUT] == [5.0, 4.0, 3.0, 2.5]  # Table 2
     assert {(one.wagons, one.speed) for one in TESTS.values()} == {(5, 25.0), (17, 75.0)}
     for name in CUT_OUT:
-        cars = train_of(TESTS[name], 3).cars
+        cars = prepare_train(TESTS[name], 3).cars
         assert sum(2 - len(car.air_brake.cut_out) for car in cars[1:]) == 2 * TESTS[name].braked
-        whole = [car.air_brake.friction_factor for car in train_of(TESTS["all"], 3).cars]
+        whole = [car.air_brake.friction_factor for car in prepare_train(TESTS["all"], 3).cars]
         assert [car.air_brake.friction_factor for car in cars] == whole
 
 
 @pytest.mark.parametrize("name", ["locomotive", "all"])
 def test_own_accelerations_give_the_force_at_every_instant(name):
     test = TESTS[name]
-    exact = record(test, train_of(test, 0), None)
-    e, inner = estimate(test, exact), slice(50, None)  # the filter starts at rest
-    assert np.abs(e.own - exact.wagons())[inner].max() < 100.0  # (4) [N]
+    exact = record_test(test, prepare_train(test, 0), None)
+    e, inner = estimate_forces(test, exact), slice(50, None)  # the filter starts at rest
+    assert np.abs(e.separate - exact.wagons())[inner].max() < 100.0  # (4) [N]
     assert np.abs(e.locomotive - exact.truth[:, 0])[inner].max() < 100.0  # (3)
     assert np.abs(e.wagons - exact.wagons())[inner].max() > 20e3  # (5): one acceleration for all
     lost = exact.acceleration @ exact.mass + (exact.truth + exact.resistance).sum(axis=1)

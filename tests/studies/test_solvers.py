@@ -44,7 +44,7 @@ def test_what_a_solver_does_wrong_is_noticed():
     keys = {"setting": "tight", "n": 8, "event": 0, "seed": 1}
     tasks = [keys | {"family": family} for family in ("plain", "infeasible")]
     for solver in wanted:
-        several = solvers.tried(by_level, solver, tasks, 0.5 if solver == "hangs" else 60.0)
+        several = solvers.try_solver(by_level, solver, tasks, 0.5 if solver == "hangs" else 60.0)
         rows += [row | {"solver": solver, "by": "test"} for row in several]
     lines = solvers.table(pd.DataFrame(rows)).set_index("solver").iloc[:, [4, 5, 6, 7, 10]]
     assert dict(zip(lines.index, lines.to_numpy().tolist(), strict=True)) == wanted

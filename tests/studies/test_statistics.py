@@ -16,8 +16,8 @@ from studies.statistics import (
     judge,
     mean,
     share,
+    shorten_statements,
     statement_table,
-    told,
 )
 
 
@@ -93,13 +93,13 @@ def test_people_read_each_claim_once():
     x = draws(3)
     low = Claim("low", "stays low [1]", x, most=-5.0, parts={"wet": x < -9.0})
     made = judge([low, Claim("high", "is high", x, most=-5.0), low._replace(name="again")])
-    table = told(statement_table(made))
+    table = shorten_statements(statement_table(made))
     assert list(table["claim"]) == ["stays low [1]: < −5.000", "", "is high: < −5.000"]
     assert list(table["name"]) == ["low", "again", "high"]
     assert list(table["verdict"]) == [FAILS] * 3
     conditions = made[0]._replace(conditions=("with wet: 1 [0, 2]", "besides, slip [axle s]: 2"))
     assert (
-        told(statement_table([conditions]))["verdict"].item()
+        shorten_statements(statement_table([conditions]))["verdict"].item()
         == f"{FAILS}: with wet: 1; besides, slip [axle s]: 2"
     )
 
