@@ -54,7 +54,7 @@ from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario
 from studies.run_cell import recorded as _recorded
 from studies.runner.catalogue import find_study as _find_study
-from studies.runner.plugins import refresh as _refresh
+from studies.runner.plugins import reload_plugins as _reload_plugins
 from studies.runner.plugins import try_own_parts as _try_own_parts
 from studies.runner.study import run_study as _run_study
 
@@ -166,7 +166,7 @@ def compare(
     """
     _check("seeds", 1 if seeds is None else seeds, 1)
     _check("jobs", jobs, 1)
-    _refresh()
+    _reload_plugins()
     chosen = [_scenario(scenario) for scenario in _as_list("scenarios", scenarios, _Path, Scenario)]
     parts = _as_list("rules", rules), _as_list("controllers", controllers)
     grid = _compare.choose_grid(chosen, *parts, seeds)
@@ -191,7 +191,7 @@ def sweep(
     _check("events", 1 if events is None else events, 1, 1_000_000)
     _check("seed", 0 if seed is None else seed, 0)
     _check("jobs", jobs, 1)
-    _refresh()
+    _reload_plugins()
     study = _find_study(str(name))
     with _tempfile.TemporaryDirectory() as folder:
         rows = _run_study(study, folder if out is None else out, events, seed, jobs)
@@ -217,7 +217,7 @@ def rank(
     """
     _check("events", 1 if events is None else events, 1)
     _check("jobs", jobs, 1)
-    _refresh()
+    _reload_plugins()
     pairs = _benchmark.find_pairs(str(part), under)
     if len(pairs) > 1:
         raise _StudyError(f"{part}: it registers several parts; give the name of one")

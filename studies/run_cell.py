@@ -95,7 +95,7 @@ def paired(
     compared: Iterable[str],
     drawn: Iterable[str] = (),
 ) -> pd.DataFrame:
-    """One row per event: what was `drawn`, the numbers of `rule`, and those of each rule `compared` as number_rule.
+    """One row per event: what was `drawn`, the numbers of `rule`, and the numbers of each rule `compared` as number_rule.
 
     A number that `rule` has under another controller is not among them: rows of one event and one controller are paired.
     """

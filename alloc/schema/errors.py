@@ -9,7 +9,6 @@ from difflib import get_close_matches
 from inspect import unwrap
 from pathlib import Path
 from traceback import walk_tb
-from types import TracebackType
 from typing import Any
 
 
@@ -70,8 +69,10 @@ def blamed_on(part: str, function: Any = None) -> Iterator[None]:
         plain = unwrap(getattr(function, "func", function))
         code = getattr(plain, "__code__", None) or getattr(type(plain).__call__, "__code__", None)
         start = [(code.co_filename, code.co_firstlineno)] if code else []
-        before = _walk_lines(getattr(error.__context__, "__traceback__", None))
-        frames = _walk_lines(error.__traceback__)
+        before, frames = (
+            [(frame.f_code.co_filename, line) for frame, line in walk_tb(trace)]
+            for trace in (getattr(error.__context__, "__traceback__", None), error.__traceback__)
+        )
         places = [*before, *start, *frames]
         compiles = any(f"{os.sep}numba{os.sep}" in path for path, _ in frames)
         users = [at for at in places if not (at[0].startswith(NOT_USERS) or "-packages" in at[0])]
@@ -104,8 +105,3 @@ def blamed_on(part: str, function: Any = None) -> Iterator[None]:
         named.fault, named.part = getattr(error, "fault", None), part
         named.misspelt = compiles or missing is not None
         raise named from error
-
-
-def _walk_lines(trace: TracebackType | None) -> list[tuple[str, int]]:
-    """File and line of each frame of a traceback, the innermost last."""
-    return [(frame.f_code.co_filename, line) for frame, line in walk_tb(trace)]

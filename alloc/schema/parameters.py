@@ -57,7 +57,7 @@ class Fault(NamedTuple):
     reason: str
     """A sentence in which a field of the record, or of a record within, stands in backticks: "`off` must be below `on`"."""
 
-    def word(self, state: Callable[[str, Any], str]) -> str:
+    def word_reason(self, state: Callable[[str, Any], str]) -> str:
         """The reason with what `state` makes of each field and its value."""
 
         def state_field(mark: re.Match[str]) -> str:
@@ -67,7 +67,7 @@ class Fault(NamedTuple):
         return re.sub(r"`([\w.]+)(?:\[(\d+)\])?`", state_field, self.reason)
 
     def __str__(self) -> str:
-        return self.word("{} = {!r}".format)
+        return self.word_reason("{} = {!r}".format)
 
 
 def quantity(
@@ -75,7 +75,7 @@ def quantity(
 ) -> Any:
     """A number of a record, or several, kept in SI units as its `Bounds` are; MISSING as `default`: there is none.
 
-    `unit`: that of the key in files, "1" for a pure number. `later`: it came after hashes of events were stored, so
+    `unit`: the unit of the key in files, "1" for a pure number. `later`: it came after hashes of events were stored, so
     it counts in a hash where it is not its default.
     """
     metadata = {"unit": unit, "bounds": Bounds(least=least, **bounds), "later": later}

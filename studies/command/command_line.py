@@ -73,7 +73,7 @@ def compare(
     Rows that the output folder has are not run again. The exit code is 1 if every run failed.
 
     Args:
-        scenario: Shipped scenarios or TOML files [default: all that ship but those of faults].
+        scenario: Shipped scenarios or TOML files [default: all that ship but faults of single functions].
         rules: Allocation rules [default: all that differ].
         controllers: Readhesion controllers [default: cut-and-ramp, perturb-observe, mpc].
         seeds: Number of seeds of every event; the first, 0, is the event as its file says [default: 5].
@@ -128,7 +128,7 @@ def simulate(
         controller: Readhesion controller.
         seed: Seed of what the event draws; 0 is the event as its file says [default: 0, or a drawn event's number].
         out: File for the recorded run (netCDF, .nc; MATLAB, .mat).
-        figure: File for a figure of it (pdf, png or svg).
+        figure: File for a figure of the run (pdf, png or svg).
         every: Print every metric.
         as_json: Print JSON with every metric instead.
     """
@@ -199,8 +199,8 @@ def sweep(
 
     Args:
         study: Name of a study, see `readhesion list studies`, or a Python file that has a STUDY.
-        events: Number of events [default: that of the study].
-        seed: Seed of what is drawn [default: that of the study].
+        events: Number of events [default: the study's].
+        seed: Seed of what is drawn [default: the study's].
     """
     from studies.runner.catalogue import find_study
 
@@ -220,7 +220,7 @@ def benchmark(
 
     Args:
         events: Number of events [default: 500].
-        seed: Seed of the population [default: that of the stored rows].
+        seed: Seed of the population [default: the stored rows'].
         store: File for the rows that `readhesion rank` compares with (parquet).
     """
     import pandas as pd
@@ -339,7 +339,7 @@ def figures(
             continue
         if not names and source is None:
             command = study if study == "compare" else f"sweep {study}"
-            print(f"left out for want of rows: those of readhesion {command}")
+            print(f"left out, for there are no rows of readhesion {command}")
             chosen = {name: figure for name, figure in chosen.items() if figure.study != study}
         elif study == "compare":
             raise StudyError(f"there are no rows in {folder}; run readhesion compare first")

@@ -31,10 +31,10 @@ from studies.files.toml_keys import (
     Schema,
     build_record,
     check_keys,
+    make_table,
     name_keys,
     name_source,
     suggest_name,
-    table_of,
 )
 from studies.files.train_keys import MotorChange, TrainKeys, read_train
 
@@ -43,7 +43,7 @@ from studies.files.train_keys import MotorChange, TrainKeys, read_train
 MOST_COEFFICIENT = 1.0
 """No dry or sanded rail carries a force as large as the wheel's load; measured coefficients stay below 0.7."""
 Increment = Annotated[float, Field(ge=-MOST_COEFFICIENT, le=MOST_COEFFICIENT)]
-_Receptivity: Any = table_of(plant.Receptivity)
+_Receptivity: Any = make_table(plant.Receptivity)
 
 
 class Increments(Keys):
@@ -123,7 +123,7 @@ class Curve(Keys):
         return curve
 
 
-_Rail: Any = table_of(
+_Rail: Any = make_table(
     plant.Rail,
     "rear_speed_law",
     "rear_axles",
@@ -146,7 +146,7 @@ class RailKeys(_Rail):
     law_factor: float | None = Field(default=None, gt=0.0, le=10.0)
     """Factor on the coefficient that `speed_law` gives; 1 is the law itself. Left out: `level` is given."""
     increments: Increments
-    """Growth of the coefficient along the train. It is always said: law = "none", or "logarithmic" for JP5484215 (15)."""
+    """Growth of the coefficient along the train. Always stated: law = "none", or "logarithmic" for JP5484215 (15)."""
     curve: Curve = Curve()
 
     @model_validator(mode="after")
@@ -237,7 +237,7 @@ class Variation(Keys):
 # the train's computers
 
 
-_Belief: Any = table_of(
+_Belief: Any = make_table(
     Assumed, "mass_factor", "resistance_factor", "lag_factor", "inertia_factor", "brake_factor"
 )
 
@@ -246,9 +246,9 @@ class BeliefKeys(_Belief):
     """What the train believes where that differs from the truth."""
 
     increments: Increments | None = None
-    """Growth of the coefficient along the train. Left out: that of the rail."""
+    """Growth of the coefficient along the train. Left out: the rail's."""
     curve: Curve | None = None
-    """Adhesion curve. Left out: that of the rail."""
+    """Adhesion curve. Left out: the rail's."""
 
     def build_belief(self, rail: RailKeys, axles: int) -> Assumed:
         """The belief of a train of so many axles on this rail."""
@@ -259,7 +259,7 @@ class BeliefKeys(_Belief):
         return belief
 
 
-_Equipment: Any = table_of(
+_Equipment: Any = make_table(
     Onboard,
     "detector",
     "telegrams",
@@ -344,7 +344,7 @@ class Scenario(Keys):
     train: str | TrainKeys = Field(json_schema_extra=_fill_train)
     """Name of a train set, or path of a train file counted from the scenario's folder."""
     load_t: tuple[Annotated[float, Field(ge=0.0)], ...] | None = None
-    """Pay load of each car in the order in which the train is described. Left out: that of the train."""
+    """Pay load of each car in the order in which the train is described. Left out: the train's."""
     load_transfer: bool = False
     """Whether the rail force of a car moves load from its front axles to its rear ones."""
     reversed: bool = False

@@ -28,7 +28,7 @@ def default_scenarios() -> list[Scenario]:
 
 
 def load_scenario(name: str | Path) -> Scenario:
-    """A shipped scenario or a drawn event by its name, or that of a TOML file by its path, which is read each time.
+    """A shipped scenario or a drawn event by its name; the scenario of a TOML file by its path, which is read each time.
 
     Raises `StudyError` of one line that names the file, the key and the reason.
     """

@@ -114,7 +114,7 @@ def _list_tables(value: Any) -> tuple[Any, ...]:
 
 
 @cache
-def table_of(record: Any, *names: str) -> Any:
+def make_table(record: Any, *names: str) -> Any:
     """The table of a frozen dataclass: its fields that state a unit, and records in it as tables below.
 
     `names`: those that files may set, such as "reference.source"; none: all of them. What has a default in the record may be
@@ -127,7 +127,9 @@ def table_of(record: Any, *names: str) -> Any:
         if unit is None or (names and not below) or (inner and not fields(inner)):
             continue
         if inner:
-            table: Any = table_of(inner, *filter(None, (name.partition(".")[2] for name in below)))
+            table: Any = make_table(
+                inner, *filter(None, (name.partition(".")[2] for name in below))
+            )
             row: Any = Annotated[tuple.__class_getitem__((table, ...)), Field(max_length=1000)]
             if item.type is inner:
                 keys[item.name] = (table, table())
@@ -186,7 +188,7 @@ def name_keys(table: Keys, path: str = "") -> Iterator[None]:
     except StudyError:
         raise
     except InputError as error:
-        reason = error.fault.word(partial(_state_key, table)) if error.fault else str(error)
+        reason = error.fault.word_reason(partial(_state_key, table)) if error.fault else str(error)
         raise StudyError(f"{path}: {reason}" if path else reason) from None
 
 

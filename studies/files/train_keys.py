@@ -13,7 +13,14 @@ from pydantic import Field, field_validator
 from alloc.plant.train import Car, Coupler, MotorKind, Train
 from alloc.plant.trains import train_of
 from studies import StudyError
-from studies.files.toml_keys import Keys, check_keys, name_keys, name_source, read_toml, table_of
+from studies.files.toml_keys import (
+    Keys,
+    check_keys,
+    make_table,
+    name_keys,
+    name_source,
+    read_toml,
+)
 
 
 def read_train(path: str | Path) -> "TrainKeys":
@@ -42,8 +49,8 @@ class MotorChange(Keys):
     """Time constant of the torque behind its command. Left out: the train's own, or 0.005 s, as of the readhesion paper."""
 
 
-_Coupler: Any = table_of(Coupler)
-_Car: Any = table_of(Car)
+_Coupler: Any = make_table(Coupler)
+_Car: Any = make_table(Car)
 
 
 class TrainKeys(Keys):

@@ -1,7 +1,7 @@
 """What populations of random events have in common: draws, and keys of scenarios made of them.
 
 An event follows from its seed and its number, so more events extend fewer. What is drawn is assumed where no source is
-named: half of it is weather.
+named: half of the draws is weather.
 """
 
 import math
@@ -113,14 +113,14 @@ def level_keys(coefficient: float, law: str, speed: float = START_SPEED) -> Keys
 
 
 def stretch(factor: float, start: float, end: float) -> list[Keys]:
-    """A stretch of rail [m] with so much of the coefficient; none where it has all of it."""
+    """A stretch of rail [m] with so much of the coefficient; none where the factor is 1."""
     if factor == 1.0:
         return []
     return [{"factor": factor, "start_m": start, "end_m": end, "edge_m": 4.0}]
 
 
 def spell(factor: float, begin: float, lasts: float, fade: float) -> list[Keys]:
-    """A time [s] in which the rail has so much of the coefficient; none where it has all of it."""
+    """A time [s] in which the rail has so much of the coefficient; none where the factor is 1."""
     if factor == 1.0:
         return []
     return [{"factor": factor, "begin_s": begin, "until_s": begin + lasts, "fade_s": fade}]
@@ -140,7 +140,7 @@ def curve_keys(kind: str, d: Drawn) -> Keys:
 def rail_keys(curve: Drawn, adhesion: float, train: Train, speed: float = START_SPEED) -> Keys:
     """Level and curve of a rail that offers `adhesion` to `train` at `speed` [m/s].
 
-    The level of Polach's curves is the friction coefficient, above their peak; that of others is the peak.
+    The level of Polach's curves is the friction coefficient, above their peak; the level of other curves is the peak.
     """
     law = CURVES[curve["kind"]](**{key: x for key, x in curve.items() if key != "kind"})
     creep = isinstance(law, CreepCurve)

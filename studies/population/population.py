@@ -241,7 +241,7 @@ def _patch_keys(d: draws.Drawn, train: Train, speed: float, begin: float) -> lis
     ahead, patches = speed * (begin + 1.0), list[draws.Keys]()
     for j, kind in enumerate(d["patches"]):
         p: list[float] = d["places"][20 * j : 20 * j + 20]
-        between = partial(_between, p)
+        between = partial(_scale_place, p)
         if kind in ("bad front", "bad rear"):
             border = ahead - train.length * between(0, 0.1, 0.9)
             ends = (border, 1e4) if kind == "bad front" else (-1e4, border)
@@ -265,5 +265,5 @@ def _patch_keys(d: draws.Drawn, train: Train, speed: float, begin: float) -> lis
     return patches
 
 
-def _between(places: list[float], j: int, low: float, high: float) -> float:
+def _scale_place(places: list[float], j: int, low: float, high: float) -> float:
     return low + places[j] * (high - low)

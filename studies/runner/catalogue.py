@@ -49,10 +49,8 @@ def find_study(name: str) -> Study:
 
 
 def _describe_trains() -> dict[str, str]:
-    trains = {name: find_train(name) for name in TRAINS}
-    return {
-        name: f"{len(train.cars)} cars, {train.mass / 1e3:.0f} t" for name, train in trains.items()
-    }
+    trains = ((name, find_train(name)) for name in TRAINS)
+    return {name: f"{len(train.cars)} cars, {train.mass / 1e3:.0f} t" for name, train in trains}
 
 
 KINDS: dict[str, Callable[[], dict[str, str]]] = {

@@ -36,7 +36,7 @@ def loaded_files() -> tuple[str, ...]:
 
 def load_plugins(files: Iterable[str | Path]) -> list[ModuleType]:
     """Load files that are not yet loaded, or were edited; their modules. Raises `InputError` of one line with the file."""
-    refresh()
+    reload_plugins()
     paths = [str(Path(file).resolve()) for file in files]
     return [_loaded.get(path) or _load_file(path) for path in paths]
 
@@ -75,7 +75,7 @@ def _load_file(path: str) -> ModuleType:
     return module
 
 
-def refresh() -> None:
+def reload_plugins() -> None:
     """Load again each of the user's modules whose folder was edited since, and what it imports from there.
 
     So what runs is what the keys of rows say. Raises `InputError` for a module that cannot be loaded any more.

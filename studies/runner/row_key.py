@@ -86,7 +86,7 @@ def _follow_names(function: Callable[..., Any], modules: tuple[str, ...]) -> tup
         elif (module, name) not in seen:
             nodes = _definitions_of(module).get(name, [])
             seen[module, name] = computed_text(*nodes)
-            left += [below for node in nodes for below in _names_in(node, module)]
+            left += [below for node in nodes for below in _names_used_in(node, module)]
     files = set()
     for module in whole:
         if os.sep in module:
@@ -106,9 +106,9 @@ def _follow_names(function: Callable[..., Any], modules: tuple[str, ...]) -> tup
 @cache
 def _hash_package(name: str) -> str:
     """Hash of all that a package says, without what stands `APART` in it, and of the libraries below it."""
-    apart = [path_of(part) for part in APART if part != name]
+    apart = [module_path(part) for part in APART if part != name]
     folders = {path.parent if path.stem == "__init__" else path for path in apart}
-    files = [path for path in _files_of(name) if not folders & {path, *path.parents}]
+    files = [path for path in _source_files(name) if not folders & {path, *path.parents}]
     texts = [
         computed_text(*_read_syntax(path).body) if path.suffix == ".py" else path.read_bytes().hex()
         for path in files
@@ -117,21 +117,21 @@ def _hash_package(name: str) -> str:
     return _hash_text("\n".join([*versions, *texts]))
 
 
-def path_of(module: str) -> Path:
+def module_path(module: str) -> Path:
     """File of a module of the project."""
     path = ROOT.joinpath(*module.split("."))
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-def _files_of(name: str) -> list[Path]:
-    path = path_of(name)
+def _source_files(name: str) -> list[Path]:
+    path = module_path(name)
     files = path.parent.rglob("*") if path.stem == "__init__" else [path]
     return sorted(path for path in files if path.suffix in (".py", *DATA))
 
 
 def _hash_project() -> str:
     """Hash of the project's files as they are now."""
-    files = [path for name in (STUDIES, *BELOW) for path in _files_of(name)]
+    files = [path for name in (STUDIES, *BELOW) for path in _source_files(name)]
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
@@ -185,8 +185,8 @@ def _read_syntax(path: Path) -> ast.Module:
     tree = ast.parse(path.read_bytes() if path.is_file() else b"")
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
-        if isinstance(body, list) and any(map(_is_bare, body)):
-            statements = [statement for statement in body if not _is_bare(statement)]
+        if isinstance(body, list) and any(map(_is_docstring, body)):
+            statements = [statement for statement in body if not _is_docstring(statement)]
             node.body = statements or [ast.copy_location(ast.Pass(), body[0])]  # type: ignore[attr-defined]
         part = getattr(getattr(node, "func", None), "id", "")
         if isinstance(node, ast.Call) and part in WORDS:
@@ -195,7 +195,7 @@ def _read_syntax(path: Path) -> ast.Module:
     return tree
 
 
-def _is_bare(node: ast.AST) -> bool:
+def _is_docstring(node: ast.AST) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
@@ -221,7 +221,7 @@ def _code_text(code: CodeType) -> str:
 def _definitions_of(module: str) -> dict[str, list[ast.stmt]]:
     """Top-level statements of a module by the names that they bind."""
     statements: dict[str, list[ast.stmt]] = {}
-    for node in _read_syntax(path_of(module)).body:
+    for node in _read_syntax(module_path(module)).body:
         bound = [getattr(node, "name", "")]
         if not isinstance(node, ast.FunctionDef | ast.ClassDef):
             names = [inner for inner in ast.walk(node) if isinstance(inner, ast.Name)]
@@ -235,7 +235,7 @@ def _definitions_of(module: str) -> dict[str, list[ast.stmt]]:
 def _imports_of(module: str) -> dict[str, Name]:
     """What names of a module are imported, wherever: the module that they are of, and the name there."""
     targets: dict[str, Name] = {}
-    for node in ast.walk(_read_syntax(path_of(module))):
+    for node in ast.walk(_read_syntax(module_path(module))):
         if isinstance(node, ast.Import | ast.ImportFrom):
             source = getattr(node, "module", "")
             for alias in node.names:
@@ -245,7 +245,7 @@ def _imports_of(module: str) -> dict[str, Name]:
     return targets
 
 
-def _names_in(node: ast.stmt, module: str) -> Iterator[Name]:
+def _names_used_in(node: ast.stmt, module: str) -> Iterator[Name]:
     """Definitions and data files that a statement of a module names."""
     definitions, imports = _definitions_of(module), _imports_of(module)
     for part in ast.walk(node):
@@ -257,7 +257,7 @@ def _names_in(node: ast.stmt, module: str) -> Iterator[Name]:
             target, name = imports[part.value.id]  # type: ignore[attr-defined]
             yield f"{target}.{name}".strip("."), part.attr  # of a module
         elif isinstance(part, ast.Constant) and str(part.value).endswith(DATA):
-            file = path_of(module).with_name(str(part.value))
+            file = module_path(module).with_name(str(part.value))
             if file.is_file():
                 yield str(file), ""
 

@@ -40,7 +40,7 @@ class Cell(NamedTuple):
     columns: Mapping[str, Any] = {}
     """Columns of each of its rows beside those that `run` gives."""
     sources: tuple[str, ...] = ()
-    """Modules that decide its rows and that `run` does not name: those of parts that `args` call by name."""
+    """Modules that decide its rows and that `run` does not name: of parts that `args` call by name."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Study:
     statements: Callable[[pd.DataFrame], list[Statement]] | None = None
     events: int = 100
     seed: int = 0
-    """How many, and of which seed, where nobody says it: those of the stored tables."""
+    """Number of events and their seed, where nobody says them: as in the stored tables."""
     more_tables: Mapping[str, Callable[[pd.DataFrame], pd.DataFrame]] = field(default_factory=dict)
     """Further tables of the same rows, by name."""
 

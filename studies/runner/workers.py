@@ -40,7 +40,7 @@ def compute_rows(
     jobs: int,
     scheduler: str | None,
 ) -> Generator[dict[str, list[Row]], None, None]:
-    """Rows of `cells`, which have their keys before them: those of some cells at a time, by these keys."""
+    """Rows of `cells`, which have their keys before them: of some cells at a time, by these keys."""
     size = min(TOGETHER, len(cells) // (8 * jobs) + 1)
     tasks = (pickle.dumps((run, cells[k : k + size])) for k in range(0, len(cells), size))
     files, jobs = loaded_files(), min(jobs, len(cells))

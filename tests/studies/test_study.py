@@ -219,7 +219,7 @@ def key(monkeypatch, tmp_path, source):
     path = tmp_path / f"{abs(hash(source))}.py"
     path.write_text(textwrap.dedent(source))
     name = f"studies.made_{path.stem}"
-    monkeypatch.setattr("studies.runner.row_key.path_of",
+    monkeypatch.setattr("studies.runner.row_key.module_path",
                         lambda module: path if module == name else original(module))  # fmt: skip
 
     def run():
@@ -229,7 +229,7 @@ def key(monkeypatch, tmp_path, source):
     return hash_sources(run)
 
 
-original = sys.modules["studies.runner.row_key"].path_of
+original = sys.modules["studies.runner.row_key"].module_path
 
 
 @pytest.mark.parametrize(("old", "new", "same"), [
