@@ -13,14 +13,7 @@ from pydantic import Field, field_validator
 from alloc.plant.train import Car, Coupler, MotorKind, Train
 from alloc.plant.trains import train_of
 from studies import StudyError
-from studies.files.toml_keys import (
-    Keys,
-    check_keys,
-    make_table,
-    name_keys,
-    name_source,
-    read_toml,
-)
+from studies.files.toml_keys import Keys, check_keys, make_table, name_keys, name_source, read_toml
 
 
 def read_train(path: str | Path) -> "TrainKeys":
