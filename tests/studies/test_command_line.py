@@ -60,33 +60,33 @@ def printed(capsys, *arguments):
 
 
 def test_compare_and_again(capsys, elsewhere):
-    told = printed(capsys, "compare", *SMALL)
-    assert told.startswith("Under perturb-observe, cooperative")
-    assert max(map(len, told.splitlines()[1:])) <= 80
-    assert "next: readhesion report\n" in told
-    files = sorted(one.name for one in (elsewhere / "results" / "compare").iterdir())
+    output = printed(capsys, "compare", *SMALL)
+    assert output.startswith("Under perturb-observe, cooperative")
+    assert max(map(len, output.splitlines()[1:])) <= 80
+    assert "next: readhesion report\n" in output
+    files = sorted(path.name for path in (elsewhere / "results" / "compare").iterdir())
     assert files == [
         "figure.pdf",
         "rows.jsonl",
         "rows.parquet",
         *(f"table.{kind}" for kind in ("csv", "md", "parquet")),
     ]
-    assert printed(capsys, "compare", *SMALL) == told
+    assert printed(capsys, "compare", *SMALL) == output
     assert printed(capsys, "compare", *SMALL, "--dry-run") == "4 runs, of which 0 are to be made\n"
-    told = strict(printed(capsys, "compare", *SMALL, "--json"))
-    assert {row["rule"] for row in told["rows"]} == {"alone", "cooperative"}
-    assert "bound_use" in told["metrics"]
+    output = strict(printed(capsys, "compare", *SMALL, "--json"))
+    assert {row["rule"] for row in output["rows"]} == {"alone", "cooperative"}
+    assert "bound_use" in output["metrics"]
 
 
 def test_simulate(capsys, elsewhere):
-    told = printed(capsys, "simulate", "wet-patch", "--out", "run.nc", "--figure", "run.png")
-    assert "bound_use" in told
+    output = printed(capsys, "simulate", "wet-patch", "--out", "run.nc", "--figure", "run.png")
+    assert "bound_use" in output
     assert (elsewhere / "run.nc").stat().st_size > 1e5
     assert (elsewhere / "run.png").stat().st_size > 1e4
     every = strict(printed(capsys, "simulate", "wet-patch", "--json"))
     assert every["metrics"]["headroom"] > 0.0
-    told = printed(capsys, "simulate", "wet-patch", "--all")
-    assert len(told.splitlines()) == len(every["metrics"]) + 1
+    output = printed(capsys, "simulate", "wet-patch", "--all")
+    assert len(output.splitlines()) == len(every["metrics"]) + 1
 
 
 @pytest.mark.slow
@@ -98,10 +98,10 @@ def test_json_is_strict(capsys, command):
 
 
 def test_names(capsys):
-    told = strict(printed(capsys, "list", "--json"))
+    output = strict(printed(capsys, "list", "--json"))
     kinds = "scenarios rules controllers curves trains studies figures metrics"
-    assert set(kinds.split()) == set(told)
-    assert all(words for names in told.values() for words in names.values())
+    assert set(kinds.split()) == set(output)
+    assert all(meaning for names in output.values() for meaning in names.values())
     assert "wear " in printed(capsys, "list", "rules")
     assert "Polach" in printed(capsys, "cite")
     first = printed(capsys, "cite", "--bibtex").partition("\n}\n")[0]
@@ -110,20 +110,20 @@ def test_names(capsys):
         r'^[ -]*(\w+): "?([^"\n]+)', (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE
     )
     by, title, number, terms = (dict(lines)[key] for key in ("name", "title", "version", "license"))
-    assert all(f"{{{one}}}" in first for one in (by, title, number, terms))
+    assert all(f"{{{field}}}" in first for field in (by, title, number, terms))
     assert number == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     assert printed(capsys, "cite").startswith(f"{by}. {title}. {number}, {terms}.\n")
 
 
 def test_own_rule(capsys, elsewhere):
     (elsewhere / "even.py").write_text(OWN_RULE)
-    told = printed(capsys, "--plugin", "even.py", "compare", "--scenario", "wet-start", "--rules", "alone", "even",
+    output = printed(capsys, "--plugin", "even.py", "compare", "--scenario", "wet-start", "--rules", "alone", "even",
                    "--controllers", "cut-and-ramp", "--seeds", "1", "--jobs", "2")  # fmt: skip
-    assert "even=" in told
+    assert "even=" in output
     assert run(["--plugin", "even.py", "check", "even"]) == 1  # it promises the optimum
-    told = capsys.readouterr()
-    assert told.err.startswith("readhesion: even breaks the law 'optimal'")
-    assert told.out.count("allowed 1e-06\n") == 9 == len(re.findall("kept|broken", told.out))
+    output = capsys.readouterr()
+    assert output.err.startswith("readhesion: even breaks the law 'optimal'")
+    assert output.out.count("allowed 1e-06\n") == 9 == len(re.findall("kept|broken", output.out))
 
 
 def test_a_slow_rule_is_told(capsys, elsewhere):
@@ -131,8 +131,8 @@ def test_a_slow_rule_is_told(capsys, elsewhere):
     (elsewhere / "slow.py").write_text(slow.replace('"even"', '"slow"'))
     command = "--plugin slow.py compare --scenario wet-patch --rules slow --controllers none --seeds 1 --jobs 1"
     assert run(command.split()) == 0
-    words = r"rule 'slow' takes \d\d ms a call, .*\n.*these 1 runs take about \d\.\d min\n"
-    assert re.search(words, capsys.readouterr().err)
+    pattern = r"rule 'slow' takes \d\d ms a call, .*\n.*these 1 runs take about \d\.\d min\n"
+    assert re.search(pattern, capsys.readouterr().err)
 
 
 def test_a_line_is_wrapped_where_a_terminal_ends(capsys, monkeypatch):
@@ -181,7 +181,7 @@ def test_remarks(capsys, elsewhere):
     assert "command: none asks for an acceleration" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
+@pytest.mark.parametrize(("arguments", "message"), [
     ("compare --scenario wet-ptch", "wet-patch"),
     ("compare --rules gredy", "greedy"),
     ("compare --controllers mcp", "mpc"),
@@ -216,16 +216,16 @@ def test_remarks(capsys, elsewhere):
     ("nothing", "nothing"),
     ("--plugin nothing.py list", "nothing.py"),
 ])  # fmt: skip
-def test_a_mistake_is_one_line(capsys, monkeypatch, arguments, words):
+def test_a_mistake_is_one_line(capsys, monkeypatch, arguments, message):
     monkeypatch.setattr("studies.runner.workers.REACHED", 1)
     assert run(arguments.split()) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("readhesion: ")
-    assert told.count("\n") == 1
-    assert words in told
+    output = capsys.readouterr().err
+    assert output.startswith("readhesion: ")
+    assert output.count("\n") == 1
+    assert message in output
 
 
-@pytest.mark.parametrize(("source", "words"), [
+@pytest.mark.parametrize(("source", "message"), [
     ("x = 1", "registers no part"),
     ("x = (", "was never closed"),
     ("raise ValueError('no')", "in line 1: no"),
@@ -233,33 +233,33 @@ def test_a_mistake_is_one_line(capsys, monkeypatch, arguments, words):
     (OWN_RULE.replace("problem.n,", "4,"), "rule 'even'"),
     (OWN_RULE.replace('"even", Rule', '"greedy", Rule'), "exists already"),
 ])  # fmt: skip
-def test_a_faulty_plugin_is_one_line(capsys, elsewhere, source, words):
+def test_a_faulty_plugin_is_one_line(capsys, elsewhere, source, message):
     (elsewhere / "own.py").write_text(source)
     arguments = ["--plugin", "own.py", "compare", "--scenario", "wet-start", "--rules", "even"]
     assert run([*arguments, "--controllers", "none"]) == 2
-    told = capsys.readouterr().err
-    assert words in told
-    assert told.count("\n") == 1
+    output = capsys.readouterr().err
+    assert message in output
+    assert output.count("\n") == 1
 
 
 def test_a_command_that_is_stopped_keeps_its_rows_and_goes_on(elsewhere):
     command = ["compare", "--rules", "alone", "--controllers", "none", "--jobs", "2"]
     program = [sys.executable, "-m", "studies.command.command_line", *command]
-    one = subprocess.Popen(program, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(program, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
     while not (elsewhere / "results" / "compare" / "rows.jsonl").exists():
-        assert one.poll() is None
+        assert process.poll() is None
         time.sleep(0.02)
-    one.send_signal(signal.SIGINT)
-    told = one.communicate(timeout=60)[1]
-    if one.returncode:  # else it had just ended
-        assert one.returncode == 130
-        assert "finished rows are kept" in told
+    process.send_signal(signal.SIGINT)
+    output = process.communicate(timeout=60)[1]
+    if process.returncode:  # else it had just ended
+        assert process.returncode == 130
+        assert "finished rows are kept" in output
     assert run(command) == 0
 
 
 def test_nobody_reads_on(elsewhere):
     command = f"{sys.executable} -m studies.command.command_line list | head -1"
     shell = ["bash", "-c", f"set -o pipefail; {command}"]
-    found = subprocess.run(shell, env=ENVIRONMENT, capture_output=True, text=True)
-    assert found.stderr == ""
-    assert found.returncode in (0, 141)
+    process = subprocess.run(shell, env=ENVIRONMENT, capture_output=True, text=True)
+    assert process.stderr == ""
+    assert process.returncode in (0, 141)

@@ -69,8 +69,8 @@ def test_in_one_session_rows_follow_an_edit(tmp_path, monkeypatch, name, source,
         importlib.import_module(path.stem)
     for share in (0.5, 0.9, 0.5):
         write(folder, name, source, share, body)
-        kept, fresh = used(name, out=folder / "results"), used(name)
-        assert kept == fresh == pytest.approx([share], abs=0.05)
+        stored, fresh = used(name, out=folder / "results"), used(name)
+        assert stored == fresh == pytest.approx([share], abs=0.05)
     sys.modules.pop("amount", None)
 
 
@@ -78,15 +78,15 @@ def test_machine_code_follows_an_edit(tmp_path):
     """In a new process: Numba's cache knows the file of a function alone."""
     for share in (0.5, 0.9):
         path = write(tmp_path, "own-share", READ_AT_ONCE, share, COMPILED)
-        told = (
+        program = (
             f"from studies.runner.plugins import load_plugins; load_plugins([{str(path)!r}]); "
             + (
                 "import readhesion; s = readhesion.load_scenario('wet-patch').changed(duration_s=4.0); "
                 "print(readhesion.evaluate(readhesion.simulate(s, 'own-share', 'none'))['bound_use'])"
             )
         )
-        found = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True)
-        assert float(found.stdout) == pytest.approx(share, abs=0.05), found.stderr
+        process = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+        assert float(process.stdout) == pytest.approx(share, abs=0.05), process.stderr
 
 
 def test_a_living_cluster_follows_an_edit(tmp_path):

@@ -44,7 +44,7 @@ POPULATIONS = {
     ),
 }  # fmt: skip
 modules = pytest.mark.parametrize(
-    "module", list(POPULATIONS), ids=lambda one: one.__name__.rpartition(".")[2]
+    "module", list(POPULATIONS), ids=lambda module: module.__name__.rpartition(".")[2]
 )
 
 
@@ -65,7 +65,7 @@ def test_draws_lie_within_their_bounds_and_fill_them(module):
     *_, bounds = POPULATIONS[module]
     drawn = [module.draw(5, k) for k in range(300)]
     for name, (low, high) in bounds.items():
-        values = np.array([one[name] for one in drawn], dtype=float)
+        values = np.array([event[name] for event in drawn], dtype=float)
         assert low <= values.min() <= values.max() <= high, name
         assert np.ptp(values) > 0.6 * (high - low), name
 
@@ -78,32 +78,36 @@ def test_what_is_drawn_is_not_what_is_measured(module):
 
 @modules
 def test_an_event_depends_on_seed_and_number(module):
-    found = [event_of(module, seed, k).hash for seed in (1, 2) for k in range(3)]
-    assert len(set(found)) == len(found)
-    assert event_of(module, 1, 2).hash == found[2]
+    hashes = [event_of(module, seed, k).hash for seed in (1, 2) for k in range(3)]
+    assert len(set(hashes)) == len(hashes)
+    assert event_of(module, 1, 2).hash == hashes[2]
 
 
 def test_a_draw_is_as_likely_as_it_says():
-    g = [events.Draw(3, k, 1) for k in range(2000)]
-    assert np.mean([one.mixture(0.3, 1.0, 2.0, 0.0) > 0.0 for one in g]) == pytest.approx(
+    draws = [events.Draw(3, k, 1) for k in range(2000)]
+    assert np.mean([draw.mixture(0.3, 1.0, 2.0, 0.0) > 0.0 for draw in draws]) == pytest.approx(
         0.3, abs=0.03
     )
-    assert np.mean([one.choose("ab", [0.2, 0.8]) == "a" for one in g]) == pytest.approx(
+    assert np.mean([draw.choose("ab", [0.2, 0.8]) == "a" for draw in draws]) == pytest.approx(
         0.2, abs=0.03
     )
-    logs = np.log10([one.log_uniform(0.1, 10.0) for one in g])
+    logs = np.log10([draw.log_uniform(0.1, 10.0) for draw in draws])
     assert np.histogram(logs, 4, (-1.0, 1.0))[0] == pytest.approx(500, abs=80)
 
 
 def test_all_deviations_taken_back_are_the_printed_patent(monkeypatch):
     monkeypatch.setattr(braking, "DURATION", 8.0)
-    stop, made = (
+    stop, printed_cell = (
         braking.event(90, 0),
         cell(braking.event(90, 0), claims.CORRECTED, "cut-and-ramp", 0),
     )
     for arm, keys in braking.AS_PRINTED.items():
-        made = claims.change_cell(made, arm, keys)
-    arms = ((made.args[0], claims.CORRECTED), (stop, claims.PRINTED), (stop, claims.CORRECTED))
+        printed_cell = claims.change_cell(printed_cell, arm, keys)
+    arms = (
+        (printed_cell.args[0], claims.CORRECTED),
+        (stop, claims.PRINTED),
+        (stop, claims.CORRECTED),
+    )
     together, printed, corrected = (run(*both, "cut-and-ramp", 0)["damage"] for both in arms)
     assert together == printed != corrected
 
@@ -115,8 +119,8 @@ def test_a_small_run(module, tmp_path, monkeypatch):
     study, whole = module.STUDY, ("alone", "cooperative")
 
     def cells(number, seed):
-        found = [one for one in study.cells(number, seed) if one.columns["rule"] in whole]
-        return [one for one in found if one.columns["controller"] in claims.CONTROLLERS]
+        chosen = [cell for cell in study.cells(number, seed) if cell.columns["rule"] in whole]
+        return [cell for cell in chosen if cell.columns["controller"] in claims.CONTROLLERS]
 
     rows = run_study(replace(study, cells=cells), tmp_path, 2, POPULATIONS[module][0])
     assert list(rows["status"]) == ["ok"] * 4 * len(whole)
@@ -125,9 +129,9 @@ def test_a_small_run(module, tmp_path, monkeypatch):
     table = study.table(rows)
     assert len(markdown_table(table).splitlines()) == len(table) + 2 < 40
     assert not table.astype(str).stack().str.contains("nan").any()
-    found = statement_table(study.statements(rows))
-    assert set(found["verdict"]) == {"too few events"}
-    assert found["name"].is_unique
+    verdicts = statement_table(study.statements(rows))
+    assert set(verdicts["verdict"]) == {"too few events"}
+    assert verdicts["name"].is_unique
     figure = study.figure or (lambda rows: FIGURES[study.name].draw(rows))
     with mpl.rc_context(fname=STYLE):
         figure(rows).savefig(tmp_path / "figure.pdf")
@@ -138,4 +142,4 @@ def test_a_drawn_event_runs_by_its_name_as_its_row_was_made():
     assert load_scenario("population-65-0002") == population.event(65, 2)
     assert simulate("population-65-0002", "alone", "none").attrs["seed"] == 2
     cells = choose_grid([load_scenario("population-65-0002")], ["alone"], ["none"], 2).cells()
-    assert [one.args[3] for one in cells] == [2, 3]
+    assert [cell.args[3] for cell in cells] == [2, 3]

@@ -42,9 +42,9 @@ def test_page_works_offline(rows, tmp_path, width):
     with browsers.sync_playwright() as program:
         browser = program.chromium.launch(executable_path=str(CHROMIUM), args=OPTIONS)
         page = browser.new_page(viewport={"width": width, "height": 800}, offline=True)
-        said: list[str] = []
-        page.on("console", lambda message: said.append(message.text))
-        page.on("pageerror", lambda error: said.append(str(error)))
+        messages: list[str] = []
+        page.on("console", lambda message: messages.append(message.text))
+        page.on("pageerror", lambda error: messages.append(str(error)))
         page.goto(path.as_uri())
         assert page.evaluate("document.documentElement.scrollWidth") <= width
 
@@ -69,15 +69,15 @@ def test_page_works_offline(rows, tmp_path, width):
             assert page.locator(".run").last.locator("xpath=../h3").inner_text().startswith(rule)
             seen.add(page.locator(".run").last.evaluate("plot => String(plot.data[1].y)"))
         assert len(seen) == 3
-        assert not said
+        assert not messages
         browser.close()
 
 
 def test_names_are_text(rows, tmp_path, monkeypatch):
     monkeypatch.setitem(RULES._parts, NASTY, RULES["greedy"])
     monkeypatch.setitem(RULES._origins, NASTY, RULES.origin("greedy"))
-    other = rows.replace({"rule": {"greedy": NASTY}, "scenario": {"failed-unit": NASTY}})
-    text = page_of(other, tmp_path).read_text("utf-8")
+    nasty = rows.replace({"rule": {"greedy": NASTY}, "scenario": {"failed-unit": NASTY}})
+    text = page_of(nasty, tmp_path).read_text("utf-8")
     assert "mine" in text
     assert "<b onclick" not in text
     assert "mine</b>" not in text

@@ -47,29 +47,29 @@ ABSENT = object()
 
 def with_key(path, value, data=KEYS):
     """The keys of a file with another value at a path such as "rail.patches.0.factor"; tables on the way are made."""
-    made = inner = deepcopy(data)
+    keys = inner = deepcopy(data)
     *tables, key = path.split(".")
-    for one, below in pairwise((*tables, key)):
+    for part, below in pairwise((*tables, key)):
         if isinstance(inner, list):
-            inner = inner[int(one)]
+            inner = inner[int(part)]
         else:
-            inner = inner.setdefault(one, [{}] if below == "0" else {})
+            inner = inner.setdefault(part, [{}] if below == "0" else {})
     inner[key] = value
     if value is ABSENT:
         del inner[key]
-    return made
+    return keys
 
 
 def test_events_are_the_same_to_the_last_bit():
-    found = {
+    hashes = {
         name: tuple(load_scenario(name).event(seed).hash[:8] for seed in (0, 3))
         for name in shipped_names()
     }
-    assert found == HASHES
+    assert hashes == HASHES
 
 
 def test_the_default_comparison_leaves_out_faults_of_single_functions_and_stops_by_air_alone():
-    left_out = set(shipped_names()) - {one.name for one in default_scenarios()}
+    left_out = set(shipped_names()) - {scenario.name for scenario in default_scenarios()}
     by_air = {"jp4209318-stop", "rtri-all", "rtri-emergency", "rtri-locomotive"}
     assert left_out == {"lost-sensors", "lost-telegrams", "noisy-sensors"} | by_air
 
@@ -129,11 +129,11 @@ BAD = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("path", "value", "words"), BAD)
-def test_what_cannot_be_is_one_line_that_names_the_key(path, value, words):
+@pytest.mark.parametrize(("path", "value", "message"), BAD)
+def test_what_cannot_be_is_one_line_that_names_the_key(path, value, message):
     with pytest.raises(StudyError) as error:
         make_scenario({"name": "own"} | with_key(path, value), "own.toml").event()
-    assert words in str(error.value)
+    assert message in str(error.value)
     assert str(error.value).startswith(("own.toml: ", "scenario 'own': "))
     assert str(error.value).isprintable()
 
@@ -151,14 +151,14 @@ FILES = {
 }
 
 
-@pytest.mark.parametrize("words", FILES)
-def test_a_file_that_is_no_scenario_is_told_by_its_path(tmp_path, words):
+@pytest.mark.parametrize("message", FILES)
+def test_a_file_that_is_no_scenario_is_told_by_its_path(tmp_path, message):
     path = tmp_path / "own.toml"
-    if FILES[words] is not None:
-        path.write_bytes(FILES[words])
+    if FILES[message] is not None:
+        path.write_bytes(FILES[message])
     with pytest.raises(StudyError) as error:
         load_scenario(path)
-    assert words in str(error.value)
+    assert message in str(error.value)
     assert str(error.value).startswith(f"file {str(path)!r}: ")
     assert str(error.value).isprintable()
 
@@ -205,18 +205,18 @@ GIVEN = {
 }
 
 
-def leaves(said, whole, path=""):
+def leaves(schema, whole, path=""):
     """Path and schema of every key that holds no table; of a row of tables those of the first."""
-    said = whole["$defs"][said["$ref"].rpartition("/")[2]] if "$ref" in said else said
-    if "$ref" in said:
-        yield from leaves(said, whole, path)
-    elif "$ref" in said.get("items", {}):
-        yield from leaves(said["items"], whole, f"{path}.0")
-    elif "properties" in said:
-        for key, one in said["properties"].items():
-            yield from leaves(one, whole, f"{path}.{key}".strip("."))
+    schema = whole["$defs"][schema["$ref"].rpartition("/")[2]] if "$ref" in schema else schema
+    if "$ref" in schema:
+        yield from leaves(schema, whole, path)
+    elif "$ref" in schema.get("items", {}):
+        yield from leaves(schema["items"], whole, f"{path}.0")
+    elif "properties" in schema:
+        for key, inner in schema["properties"].items():
+            yield from leaves(inner, whole, f"{path}.{key}".strip("."))
     else:
-        yield path, said
+        yield path, schema
 
 
 def hash_of(keys):
@@ -226,18 +226,18 @@ def hash_of(keys):
         return None
 
 
-def tried(said):
+def trial_values(schema):
     """Values for a key by its schema."""
-    choices = [*said.get("anyOf", ()), said]
-    yield from (value for one in choices for value in one.get("enum", ()))
-    if said.get("type") == "boolean":
+    choices = [*schema.get("anyOf", ()), schema]
+    yield from (value for choice in choices for value in choice.get("enum", ()))
+    if schema.get("type") == "boolean":
         yield from (True, False)
-    sizes = (0.3, 2.0, 0.02, 0.9, 20.0) if said.get("type") == "number" else (1, 2, 7)
-    yield from (size for size in sizes if said.get("type") in ("number", "integer"))
+    sizes = (0.3, 2.0, 0.02, 0.9, 20.0) if schema.get("type") == "number" else (1, 2, 7)
+    yield from (size for size in sizes if schema.get("type") in ("number", "integer"))
     yield "other"
 
 
-def acts(path, said):
+def acts(path, schema):
     """Whether some value of a key gives another event."""
     bases = [KEYS]
     for beside, value in BESIDE.get(path, {}).items():
@@ -245,7 +245,7 @@ def acts(path, said):
     table, _, key = path.rpartition(".")
     if table.endswith("curve") and key != "kind":
         bases = [with_key(f"{table}.kind", kind, bases[0]) for kind in CURVES]
-    values = [GIVEN[path]] if path in GIVEN else list(tried(said))
+    values = [GIVEN[path]] if path in GIVEN else list(trial_values(schema))
     for base in bases:
         usual = hash_of(base)
         if any(hash_of(with_key(path, value, base)) not in (usual, None) for value in values):
@@ -255,7 +255,7 @@ def acts(path, said):
 
 def test_every_key_acts_on_the_event():
     whole = json_schema()
-    idle = {path for path, said in leaves(whole, whole) if not acts(path, said)}
+    idle = {path for path, schema in leaves(whole, whole) if not acts(path, schema)}
     assert idle == NO_PART
 
 
@@ -272,29 +272,29 @@ def test_the_schema_knows_every_file_and_names_a_misspelt_key():
     ):
         (fault,) = check.iter_errors(with_key(path, 1.0))
         assert path.rpartition(".")[2] in fault.message
-    said = check.schema["$defs"]["DetectorKeys"]["properties"]["on_kmhs"]
-    assert said["default"] == 5.4  # 1.5 m/s2
-    assert said["description"] == "The slip signal is on above this acceleration. Unit: km/h/s."
+    entry = check.schema["$defs"]["DetectorKeys"]["properties"]["on_kmhs"]
+    assert entry["default"] == 5.4  # 1.5 m/s2
+    assert entry["description"] == "The slip signal is on above this acceleration. Unit: km/h/s."
 
 
 def test_a_scenario_is_known_by_its_text_in_this_process_and_in_others():
-    one, again = (
+    scenario, again = (
         make_scenario({"name": "own"} | with_key("onboard.telegrams.loss", 0.1), "own.toml")
         for _ in range(2)
     )
-    assert one == again
-    assert len({one, again, one.changed(duration_s=5.0)}) == 2
-    assert one.changed(duration_s=5.0).duration_s == 5.0
-    assert one.changed(rail=one.rail).text == one.text
-    assert pickle.loads(pickle.dumps(one)) == one
+    assert scenario == again
+    assert len({scenario, again, scenario.changed(duration_s=5.0)}) == 2
+    assert scenario.changed(duration_s=5.0).duration_s == 5.0
+    assert scenario.changed(rail=scenario.rail).text == scenario.text
+    assert pickle.loads(pickle.dumps(scenario)) == scenario
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        assert pool.submit(getattr, one, "text").result() == one.text
+        assert pool.submit(getattr, scenario, "text").result() == scenario.text
     with pytest.raises(ValueError, match="frozen"):
-        one.duration_s = 5.0
+        scenario.duration_s = 5.0
     with pytest.raises(StudyError, match=r"scenario 'own': key 'duration_s' = 0\.0"):
-        one.changed(duration_s=0.0)
+        scenario.changed(duration_s=0.0)
     with pytest.raises(StudyError, match="seed = -1"):
-        one.event(-1)
+        scenario.event(-1)
 
 
 def test_a_file_is_read_each_time_and_its_name_is_that_of_the_scenario(tmp_path):
@@ -331,7 +331,7 @@ def test_a_new_scenario_runs_as_it_stands_and_is_not_overwritten(tmp_path):
         new_scenario("a/b", "wet-start", tmp_path)
 
 
-@pytest.mark.parametrize(("path", "value", "words"), [
+@pytest.mark.parametrize(("path", "value", "message"), [
     ("command.0.time_s", 30.0, "command: none asks for an acceleration before the end, duration_s = 22"),
     ("command.0.acceleration_kmhs", 10.8, "command[1].acceleration_kmhs = 10.8 is beyond the motors"),
     ("command.0.acceleration_kmhs", -39.0, "command[1].acceleration_kmhs = -39 needs a coefficient of 1.1"),
@@ -339,10 +339,10 @@ def test_a_new_scenario_runs_as_it_stands_and_is_not_overwritten(tmp_path):
     ("rail.patches", [{"factor": 0.5, "start_m": 600.0}], "rail.patches[1]: no axle is ever between start_m = 600"),
     ("rail.patches", [{"factor": 0.5, "begin_s": 40.0}], "rail.patches[1]: the run is not between begin_s = 40"),
 ])  # fmt: skip
-def test_what_is_hardly_meant_gets_a_remark(path, value, words):
+def test_what_is_hardly_meant_gets_a_remark(path, value, message):
     scenario = make_scenario({"name": "own"} | with_key(path, value), "own.toml")
-    said = " ".join(find_remarks(scenario.event(0)))
-    assert words in said if words else not said
+    remarks = " ".join(find_remarks(scenario.event(0)))
+    assert message in remarks if message else not remarks
 
 
 @pytest.mark.parametrize("name", shipped_names())

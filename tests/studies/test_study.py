@@ -80,14 +80,14 @@ def test_more_events_and_new_labels_run_nothing_again(tmp_path):
 @pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_run_that_is_stopped_goes_on(tmp_path, script, sign, jobs):
-    one = script(0.1, jobs)
+    process = script(0.1, jobs)
     while not read_rows(tmp_path / "rows"):
-        assert one.poll() is None
+        assert process.poll() is None
         time.sleep(0.05)
-    one.send_signal(sign)
-    one.wait(timeout=30)
-    kept = len(read_rows(tmp_path / "rows"))
-    assert 0 < kept < CELLS
+    process.send_signal(sign)
+    process.wait(timeout=30)
+    count = len(read_rows(tmp_path / "rows"))
+    assert 0 < count < CELLS
     deadline = time.monotonic() + 30  # workers end with their parent
     while subprocess.run(["pgrep", "-f", str(tmp_path)], stdout=subprocess.DEVNULL).returncode == 0:
         assert time.monotonic() < deadline
@@ -98,7 +98,7 @@ def test_a_run_that_is_stopped_goes_on(tmp_path, script, sign, jobs):
 
 def test_two_writers_at_once(tmp_path, script):
     both = [script(0.05, 2) for _ in range(2)]
-    assert [one.wait(timeout=120) for one in both] == [0, 0]
+    assert [writer.wait(timeout=120) for writer in both] == [0, 0]
     assert values(run_study(make(0.05), tmp_path / "rows", CELLS)) == WANTED
 
 
@@ -128,10 +128,10 @@ def test_rows_are_the_same_to_the_last_bit_and_two_folders_unite(tmp_path):
     }
     for folder in ("a", "b"):
         append_rows(tmp_path / folder, {folder: [value, value]})
-    found = read_rows(tmp_path / "a")["a"][1]
+    row = read_rows(tmp_path / "a")["a"][1]
     assert b"NaN" not in (tmp_path / "a" / ROWS).read_bytes()  # no other language reads that
-    assert np.isnan(found.pop("nan"))
-    assert found == {"x": 0.1 + 0.2, "n": 3, "yes": True, "µ": "é"}
+    assert np.isnan(row.pop("nan"))
+    assert row == {"x": 0.1 + 0.2, "n": 3, "yes": True, "µ": "é"}
     with open(tmp_path / "a" / ROWS, "ab") as both:
         both.write((tmp_path / "b" / ROWS).read_bytes())
     assert set(read_rows(tmp_path / "a")) == {"a", "b"}
@@ -277,14 +277,14 @@ def test_what_no_run_uses_counts_where_it_is_named(monkeypatch, edited, part):
 def test_a_users_file_counts_with_its_folder(tmp_path):
     plugin = tmp_path / "own.py"
     plugin.write_text("import helper")
-    found = []
+    hashes = []
     for name, text in (("helper.py", "A = 1"), ("helper.py", "A = 2"), ("curve.csv", "1,2"),
                        ("results/table.csv", "9"), ("deeper/more.py", "B = 1"), ("deeper/x.json", "1")):  # fmt: skip
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
         folder_hash.cache_clear()
-        found.append(folder_hash(str(plugin)))
-    assert [a == b for a, b in pairwise(found)] == [False, False, True, False, False]
+        hashes.append(folder_hash(str(plugin)))
+    assert [a == b for a, b in pairwise(hashes)] == [False, False, True, False, False]
 
 
 def test_tables_as_files(tmp_path):

@@ -72,10 +72,10 @@ def test_an_edited_train_makes_another_scenario_and_one_that_was_read_keeps_its_
     (folder / "trains" / "tram.toml").write_text(TRAM.replace("mass_t = 14.0", "mass_t = 15.0"))
     after = load_scenario(folder / "own.toml")
     assert before.text != after.text
-    assert [one.event().train.mass for one in (before, after)] == [46e3, 48e3]
+    assert [scenario.event().train.mass for scenario in (before, after)] == [46e3, 48e3]
 
 
-@pytest.mark.parametrize(("old", "new", "words"), [
+@pytest.mark.parametrize(("old", "new", "message"), [
     ("mass_t = 14.0", "mas_t = 14.0", "unknown key 'car.M.mas_t'; did you mean 'mass_t'?"),
     ("mass_t = 14.0", "mass_t = 0.0", "key 'car.M.mass_t' = 0.0: must be greater than 0"),
     ("gear_ratio = 6.2, ", "", "key 'car.M.motors.gear_ratio' is missing: Turns of the motor"),
@@ -87,9 +87,9 @@ def test_an_edited_train_makes_another_scenario_and_one_that_was_read_keeps_its_
     ("torque_nm = 750.0, ", "", "car.M: give torque and power, or effort_speed and effort"),
     ("wheel_radius_m = 0.31", "wheel_radius_m = 310.0", "key 'car.M.wheel_radius_m' = 310.0"),
 ])  # fmt: skip
-def test_what_cannot_be_names_both_files_and_the_key(folder, old, new, words):
+def test_what_cannot_be_names_both_files_and_the_key(folder, old, new, message):
     assert old in TRAM
     (folder / "trains" / "tram.toml").write_text(TRAM.replace(old, new))
     with pytest.raises(StudyError) as error:
         load_scenario(folder / "own.toml")
-    assert f"own.toml': file '{folder / 'trains' / 'tram.toml'}': {words}" in str(error.value)
+    assert f"own.toml': file '{folder / 'trains' / 'tram.toml'}': {message}" in str(error.value)
