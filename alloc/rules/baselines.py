@@ -7,7 +7,7 @@ import numpy as np
 
 from alloc.compilation import jit
 from alloc.onboard.signatures import share
-from alloc.rules.rule import Rule
+from alloc.rules.rule import RULES, Rule
 
 
 @jit
@@ -184,3 +184,6 @@ ERP = Rule(
     colour="#95583f",
     marker="1",
 )
+
+for _rule in (ALONE, UNIFORM, PRESET, SHARING, ERP):
+    RULES.register(_rule)

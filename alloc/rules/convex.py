@@ -24,7 +24,7 @@ from alloc.rules.cooperative import WEAR
 from alloc.rules.exact import exact_limits, level_between
 from alloc.rules.problem import ROUNDING, Allocation, AllocationProblem, Floats, allocated
 from alloc.rules.qp import TOLERANCE, judge_answer, status_without_solver
-from alloc.rules.rule import Rule
+from alloc.rules.rule import RULES, Rule
 from alloc.schema.errors import AllocationError
 
 Term = Callable[[Any, Any], Any]
@@ -272,3 +272,6 @@ WEAR_QP = convex_rule(
     colour="#b87557",
     marker="$Q$",
 )
+
+for _rule in (QP_CVXPY, QP_ROBUST, WEAR_QP):
+    RULES.register(_rule)

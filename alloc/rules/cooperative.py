@@ -14,7 +14,7 @@ from alloc.onboard.beliefs import ROOM
 from alloc.onboard.signatures import share
 from alloc.rules.exact import level_between
 from alloc.rules.problem import LEAST_MARK, ROUNDING
-from alloc.rules.rule import Rule
+from alloc.rules.rule import RULES, Rule
 
 
 @jit
@@ -95,3 +95,6 @@ WEAR = Rule(
     colour="#1b2c28",
     marker="$W$",
 )
+
+for _rule in (COOPERATIVE, WEAR):
+    RULES.register(_rule)

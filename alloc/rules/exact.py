@@ -10,7 +10,7 @@ import numpy as np
 from alloc.compilation import jit
 from alloc.onboard.signatures import share
 from alloc.rules.problem import ROUNDING, AllocationProblem, Floats
-from alloc.rules.rule import Rule
+from alloc.rules.rule import RULES, Rule
 
 
 @jit
@@ -114,3 +114,6 @@ ORACLE = Rule(
     colour="#000000",
     marker="*",
 )
+
+for _rule in (EXACT, ORACLE):
+    RULES.register(_rule)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from alloc.compilation import jit
 from alloc.onboard.signatures import share
 from alloc.rules.problem import ROUNDING
-from alloc.rules.rule import Rule
+from alloc.rules.rule import RULES, Rule
 
 
 @jit
@@ -110,3 +110,6 @@ GREEDY_CLAIM = replace(
     marker="D",
     description="the reference as claim 1 of JP5484215 words it: a running sum",
 )
+
+for _rule in (GREEDY, GREEDY_PRINTED, GREEDY_LITERAL, GREEDY_TUNED, GREEDY_CLAIM):
+    RULES.register(_rule)

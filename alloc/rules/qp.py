@@ -18,7 +18,7 @@ import numpy as np
 
 from alloc.rules.exact import exact_limits
 from alloc.rules.problem import Allocation, AllocationProblem, Floats, allocated
-from alloc.rules.rule import Rule
+from alloc.rules.rule import RULES, Rule
 
 TOLERANCE = 1e-6
 """Distance of a solver's answer from the certified one, over the plan, beyond which it has failed."""
@@ -133,3 +133,4 @@ QP = Rule(
     colour="#e38eff",
     marker="X",
 )
+RULES.register(QP)

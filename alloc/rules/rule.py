@@ -102,8 +102,16 @@ class Rule:
         return replace(self, belief=name)
 
 
-RULES: Registry[Rule] = Registry("rule")
-"""Every rule by name."""
+RULES: Registry[Rule] = Registry(
+    "rule",
+    "alloc.rules.baselines",  # what a method must beat
+    "alloc.rules.patent",
+    "alloc.rules.exact",  # the best answer to the same problem
+    "alloc.rules.qp",
+    "alloc.rules.convex",
+    "alloc.rules.cooperative",  # from what units report
+)
+"""Every rule by name, from these modules on."""
 
 
 def serve_answer(rule: Rule, units: Rows, run: Any) -> float:
