@@ -24,7 +24,7 @@ class _Lazy(ast.NodeTransformer):
         return node
 
 
-def _laws(name: str, tree: ast.Module, finish: Any = None, **operations: Any) -> Any:
+def _make_laws(name: str, tree: ast.Module, finish: Any = None, **operations: Any) -> Any:
     """A module of the laws as `tree` has them, with these operations; each law is passed through `finish`."""
     module = ModuleType(f"{laws.__name__}_{name}")
     scope = vars(module)
@@ -48,7 +48,7 @@ def _minimum(a, b):
 
 
 _TEXT = inspect.getsource(laws)
-compiled: Any = _laws(
+compiled: Any = _make_laws(
     "compiled", _Lazy().visit(ast.parse(_TEXT)), njit(error_model="numpy", forceinline=True),
     maximum=_maximum, minimum=_minimum, absolute=abs, exp=math.exp, sqrt=math.sqrt, copysign=math.copysign,
     atan=math.atan, sine=math.sin,
@@ -61,7 +61,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     import casadi
 
-    globals()[name] = _laws(
+    globals()[name] = _make_laws(
         name, ast.parse(_TEXT),
         where=casadi.if_else, maximum=casadi.fmax, minimum=casadi.fmin, absolute=casadi.fabs, exp=casadi.exp,
         sqrt=casadi.sqrt, copysign=lambda a, b: a * casadi.sign(b), atan=casadi.atan, sine=casadi.sin,

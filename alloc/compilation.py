@@ -26,7 +26,7 @@ KEPT = 30 * 24 * 3600.0
 """Folders of other sources are deleted when nobody has used them for this time [s]."""
 
 
-def _sources() -> str:
+def _hash_sources() -> str:
     """Hash of everything that compiled code can depend on."""
     libraries = [
         f"{library.__name__} {library.__version__}" for library in (numba, llvmlite, numpy)
@@ -49,13 +49,13 @@ def is_private(folder: Path) -> bool:
     return True
 
 
-def _folder() -> Path | None:
+def _make_folder() -> Path | None:
     """The cache folder of these sources; None where it would not be private."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     place = Path(os.path.realpath(home)) / "readhesion"
     try:
         place.mkdir(parents=True, exist_ok=True, mode=0o700)
-        folder = place / f"compiled-{_sources()}"
+        folder = place / f"compiled-{_hash_sources()}"
         folder.mkdir(exist_ok=True, mode=0o700)
         if hasattr(os, "getuid") and not is_private(folder):
             return None
@@ -68,7 +68,7 @@ def _folder() -> Path | None:
     return folder
 
 
-FOLDER = _folder()
+FOLDER = _make_folder()
 """Where compiled code is kept between processes; None: it is not."""
 if FOLDER is not None:
     numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
@@ -83,16 +83,16 @@ def jit(*signature: Any) -> Any:
     Division by zero gives inf or nan, as NumPy's does, and results are kept between processes.
     """
     if len(signature) == 1 and hasattr(signature[0], "__code__"):
-        return numba.njit(**_options(signature[0]))(signature[0])
+        return numba.njit(**_jit_options(signature[0]))(signature[0])
 
     def decorate(function: Callable[..., Any]) -> Any:
         with _announced(function.__name__):
-            return numba.njit(*signature, **_options(function))(function)
+            return numba.njit(*signature, **_jit_options(function))(function)
 
     return decorate
 
 
-def _options(function: Any) -> dict[str, Any]:
+def _jit_options(function: Any) -> dict[str, Any]:
     """Only code of `PACKAGES` is kept: any other may hold numbers of files that the folder's name does not know of."""
     file = Path(function.__code__.co_filename)
     return _KEPT | {
@@ -100,14 +100,14 @@ def _options(function: Any) -> dict[str, Any]:
     }
 
 
-def part(function: Any) -> Any:
+def jit_inline(function: Any) -> Any:
     """Decorator of a part of one or two compiled functions, which Numba writes into them, as a call takes time."""
-    return numba.njit(inline="always", **_options(function))(function)
+    return numba.njit(inline="always", **_jit_options(function))(function)
 
 
-def inlined(function: Any) -> Any:
+def force_inline(function: Any) -> Any:
     """Decorator of a function that LLVM writes into those that call it; where a call might fail, they count references."""
-    return numba.njit(forceinline=True, **_options(function))(function)
+    return numba.njit(forceinline=True, **_jit_options(function))(function)
 
 
 @numba.njit(**_KEPT)

@@ -13,7 +13,7 @@ import pandas as pd
 from alloc.evaluation.metrics import evaluate
 from alloc.onboard.settings import Assumed, Onboard
 from alloc.run.simulation import simulate
-from alloc.schema.units import unit_of
+from alloc.schema.units import unit_of_key
 from studies import run_cell
 from studies.files.scenario import Scenario
 from studies.population import population
@@ -27,7 +27,8 @@ NUMBERS = (
     "onboard.telegrams.latency_s", "onboard.telegrams.jitter_s", "onboard.telegrams.loss", "onboard.telegrams.silence_s",
     "onboard.rise_time_s", "onboard.period_s", "onboard.braking.blend_time_s",
     "onboard.sensors.speed_noise_kmh", "onboard.sensors.speed_quantum_kmh", "onboard.sensors.radius_error",
-    "onboard.sensors.load_error", "belief.mass_factor", "belief.resistance_factor",
+    "onboard.sensors.load_error", "belief.mass_factor", "belief.resistance_factor", "belief.lag_factor",
+    "belief.inertia_factor", "belief.brake_factor",
     "rail.scatter", "rail.scatter_length_m", "rail.conditioning", "rail.conditioning_slip",
     "receptivity.amplitude", "receptivity.period_s",
     "train.resistance_n", "train.resistance_ns_per_m", "train.resistance_ns2_per_m2",
@@ -83,7 +84,7 @@ def _scale_key(whole: Any, keys: Any, path: list[str], factor: float) -> None:
     """
     value = reduce(lambda table, key: (table or {}).get(key), path, whole)
     if value is None and path[0] in ("onboard", "belief"):
-        unit = unit_of(path[-1])
+        unit = unit_of_key(path[-1])
         record = reduce(getattr, path[1:-1], Onboard() if path[0] == "onboard" else Assumed())
         value = getattr(record, path[-1].removesuffix(unit.ending)) / unit.factor
     if value:

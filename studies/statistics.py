@@ -182,7 +182,7 @@ def judge(claims: Sequence[Claim], family: bool = True) -> list[Statement]:
     Parts share the level of their claim (Bonferroni). What a claim implies besides is tested at 95 %.
     """
     values = [_finite(claim.values) for claim in claims]
-    p = np.array([_p_value(x, claim) for x, claim in zip(values, claims, strict=True)])
+    p = np.array([_find_p_value(x, claim) for x, claim in zip(values, claims, strict=True)])
     levels = holm(p) if family else np.full(len(claims), 1 - CONFIDENCE)
     cases = zip(claims, values, levels.tolist(), strict=True)
     return [_judge_claim(*case) for case in cases]
@@ -218,7 +218,7 @@ def _find_side(x: Floats, least: float, most: float, alpha: float) -> int:
     return int(low > least and high < most) - int(high < least or low > most)
 
 
-def _p_value(x: Floats, claim: Claim) -> float:
+def _find_p_value(x: Floats, claim: Claim) -> float:
     """Of the bound that decides; nan where there is no verdict."""
     if x.size < FEWEST:
         return np.nan

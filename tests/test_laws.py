@@ -15,10 +15,10 @@ from alloc.plant.curves import (
     POLACH_DRY,
     POLACH_WET,
     PiecewiseCurve,
+    find_tops,
     own_curve,
     steepest,
     top,
-    tops,
 )
 from alloc.schema.errors import InputError
 from tests.cases import looped
@@ -152,7 +152,7 @@ def test_tops_of_a_record_are_the_tops_of_its_instants(kind):
         rng.uniform(0.5, 2.0, 3),
     )
     of = curve.number, curve.values
-    most, slip = tops(*of, speed, peak, contact)
+    most, slip = find_tops(*of, speed, peak, contact)
     assert np.allclose(
         (most[2, 1], slip[2, 1]), top(*of, speed[2, 0], peak[2, 1], contact[1]), rtol=1e-12
     )

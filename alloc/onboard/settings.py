@@ -57,7 +57,7 @@ class Detector(OnboardParameters):
     below half of it. A small deficit accelerates the wheels too little for `on`, and one slipping axle of four moves the
     mean too little. A large value switches it off. Source: assumed; not in JP5484215."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         if not self.off < self.on:
             yield "`off` must be below `on`"
 
@@ -106,7 +106,7 @@ class Dropout(OnboardParameters):
     until: float = quantity(math.inf, "s", least=-math.inf, infinite=True)
     """Instant at which the signal returns. Left out: it never returns."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         if not self.begin < self.until:
             yield "`begin` must lie before `until`"
 
@@ -131,7 +131,7 @@ class Sensors(OnboardParameters):
     dropouts: tuple[Dropout, ...] = ()
     """Speed signals that are lost for a time, at most once per axle. A unit continues with its other axles."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         lost = [dropout.axle for dropout in self.dropouts]
         if len(set(lost)) < len(lost):
             yield f"dropouts of the axles {lost}; give one per axle at most"
@@ -149,7 +149,7 @@ class Threshold(OnboardParameters):
     hold: float = quantity(0.08, "1", above=0.0, infinite=True)
     """Slip ratio above which a bogie's pressure is held, at most `release`."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         if self.hold > self.release:
             yield "`hold` must not exceed `release`"
 
@@ -174,7 +174,7 @@ class Fuzzy(OnboardParameters):
     pole: float = quantity(6.6789, "1/s", above=0.0)
     """Pole of the filter that differentiates the slip."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         for name in ("slip", "rate"):
             knots = getattr(self, name)
             if len(knots) != 3 or any(b <= a for a, b in pairwise(knots)):
@@ -299,7 +299,7 @@ class Onboard(OnboardParameters):
         """As in `Parameters`."""
         return "on board"
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         if self.telegrams.period < self.period:
             yield "`period` must not exceed `telegrams.period`"
 
@@ -310,14 +310,14 @@ class Onboard(OnboardParameters):
         """
         changed = self
         for path, value in settings.items():
-            changed = _with(changed, path.split("."), value, path)
+            changed = _with_setting(changed, path.split("."), value, path)
         return changed
 
 
-def _with(record: Any, parts: list[str], value: Any, path: str) -> Any:
+def _with_setting(record: Any, parts: list[str], value: Any, path: str) -> Any:
     """`record` with `value` at the end of these names of fields."""
     name, *inner = parts
     if not is_dataclass(record) or name not in (item.name for item in fields(record)):
         raise OnboardError(f"setting {path!r} is no field of alloc.onboard.settings.Onboard")
-    value = _with(getattr(record, name), inner, value, path) if inner else value
+    value = _with_setting(getattr(record, name), inner, value, path) if inner else value
     return replace(record, **{name: value})  # type: ignore[type-var]

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from alloc import laws
 from alloc.backends import compiled as law
-from alloc.compilation import inlined, jit
+from alloc.compilation import force_inline, jit
 from alloc.schema.errors import PlantError, blamed_on
 from alloc.schema.parameters import PlantParameters, quantity
 from alloc.schema.registry import Registry
@@ -39,7 +39,7 @@ GOLDEN = 0.6180339887498949
 # Compiled: by the number of the curve; `q`, its values, are the fields of its record in their order, or a `shape_table`
 
 
-@inlined
+@force_inline
 def coefficient(curve, q, slip, speed, rim, peak, contact):
     """Tangential force coefficient at this slip velocity."""
     if curve == PIECEWISE:
@@ -95,12 +95,12 @@ def _coefficients(curve, q, speed, peak, contact, slip, values):
 
 
 @jit
-def _tops(curve, q, speed, peak, contact, values):
+def _find_tops(curve, q, speed, peak, contact, values):
     for i in range(speed.size):
         values[0, i], values[1, i] = top(curve, q, speed[i], peak[i], contact[i])
 
 
-def _each(function: Any, results: int, curve: int, q: Floats, *arguments: ArrayLike) -> Any:
+def _find_each(function: Any, results: int, curve: int, q: Floats, *arguments: ArrayLike) -> Any:
     """What a compiled function finds for each element of arrays, which broadcast; (results, *shape)."""
     arrays = np.broadcast_arrays(*[np.asarray(array, dtype=float) for array in arguments])
     values = np.empty((results, arrays[0].size))
@@ -108,19 +108,21 @@ def _each(function: Any, results: int, curve: int, q: Floats, *arguments: ArrayL
     return values.reshape(results, *arrays[0].shape)
 
 
-def tops(curve: int, q: Floats, speed: ArrayLike, peak: ArrayLike, contact: ArrayLike = 1.0) -> Any:
+def find_tops(
+    curve: int, q: Floats, speed: ArrayLike, peak: ArrayLike, contact: ArrayLike = 1.0
+) -> Any:
     """`top` of arrays, as of a record's (ticks, axles): largest coefficients, and slip velocities [m/s] there."""
     if curve == PIECEWISE:  # NumPy's is as fast, and this needs no flat copies
         values = np.empty((2, *np.broadcast(speed, peak, contact).shape))
         values[0], values[1] = peak, laws.piecewise_top(np.asarray(peak), *q[:4])
         return values
-    return _each(_tops, 2, curve, q, speed, peak, contact)
+    return _find_each(_find_tops, 2, curve, q, speed, peak, contact)
 
 
 def steepest(curve: int, q: Floats, peak: float, contact: float = 1.0) -> float:
     """Greatest slope [s/m] over the slip velocity, at standstill, where it is greatest; the integration step needs it."""
     slip = np.append(0.0, np.geomspace(1e-6, LARGEST, 2_000))
-    rise = np.diff(_each(_coefficients, 1, curve, q, 0.0, peak, contact, slip)[0])
+    rise = np.diff(_find_each(_coefficients, 1, curve, q, 0.0, peak, contact, slip)[0])
     return float(np.abs(rise / np.diff(slip)).max())
 
 
@@ -151,11 +153,11 @@ class AdhesionCurve(PlantParameters):
         self, slip: ArrayLike, peak: ArrayLike, speed: ArrayLike = 0.0, contact: ArrayLike = 1.0
     ) -> Floats:
         """Tangential force coefficient at a slip velocity [m/s] where the rail offers `peak`; `speed` of the car [m/s]."""
-        return _each(_coefficients, 1, self.number, self.values, speed, peak, contact, slip)[0]
+        return _find_each(_coefficients, 1, self.number, self.values, speed, peak, contact, slip)[0]
 
     def top(self, speed: ArrayLike, peak: ArrayLike, contact: ArrayLike = 1.0) -> Any:
         """Largest coefficient of a driving axle at `speed` [m/s], and the slip velocity [m/s] there."""
-        return tops(self.number, self.values, speed, peak, contact)
+        return find_tops(self.number, self.values, speed, peak, contact)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 
 from alloc import laws
 from alloc.backends import compiled as law
-from alloc.compilation import inlined, jit, last_use
+from alloc.compilation import force_inline, jit, last_use
 from alloc.plant.curves import BY_CREEP, PIECEWISE, coefficient, steepest
 from alloc.schema.tables import Rows, look_up
 
@@ -39,7 +39,7 @@ def state_places(wheelsets, cars, drives, cylinders, plant):
     return bodies, omega, torque, pressure, pressure + cylinders.size
 
 
-@inlined
+@force_inline
 def changes_rail(plant):
     """Whether wheels change the rail that they leave."""
     return plant.conditioning > 0.0 or plant.recovered_coefficient > 0.0
@@ -48,7 +48,7 @@ def changes_rail(plant):
 # The right side: what most events have in one function, since handing arrays to a part takes time; what few have in parts
 
 
-@inlined
+@force_inline
 def vary_rail(t, y, wheelsets, bodies, patches, scatter, plant):
     """Patches, scatter, and what wheels have cleaned, on the adhesion coefficient that the rail offers."""
     for k in range(patches.size):
@@ -76,7 +76,7 @@ def vary_rail(t, y, wheelsets, bodies, patches, scatter, plant):
             a.offered = law.recovered(a.offered, degree, plant.recovered_coefficient)
 
 
-@inlined
+@force_inline
 def find_loads(y, wheelsets, cars, bodies, omega, curve, plant):
     """Coefficients, and axle loads as cars and bogies pitch: in closed form, without iteration between force and load."""
     for i in range(wheelsets.size):
@@ -98,7 +98,7 @@ def find_loads(y, wheelsets, cars, bodies, omega, curve, plant):
             a.axle_load = law.axle_load(a.static_load, a.unloading, force)
 
 
-@inlined
+@force_inline
 def divide_torque(t, y, dy, wheelsets, drives, omega, torque):
     """Motors in parallel on one frequency: what each gives beside the mean torque; the work of it [W]."""
     work = 0.0
@@ -113,7 +113,7 @@ def divide_torque(t, y, dy, wheelsets, drives, omega, torque):
     return work
 
 
-@inlined
+@force_inline
 def press_shoes(y, dy, wheelsets, cylinders, omega, pressure):
     """Shoes against the rotation of each wheelset; the work lost in them [W]."""
     work = 0.0
@@ -132,7 +132,7 @@ def press_shoes(y, dy, wheelsets, cylinders, omega, pressure):
     return work
 
 
-@inlined
+@force_inline
 def pull_couplers(y, dy, cars, bodies):
     """Accelerations of cars under the forces `dy` [N] and those of their couplers; power that these take in [W]."""
     power = 0.0

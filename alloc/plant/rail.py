@@ -70,7 +70,7 @@ class Patch(PlantParameters):
     fade: float = quantity(0.2, "s", above=0.0)
     """Time over which it comes and goes."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         for low, high in (("start", "end"), ("begin", "until")):
             if not getattr(self, low) < getattr(self, high):
                 yield f"`{low}` must lie before `{high}`"
@@ -125,7 +125,7 @@ class Rail(PlantParameters):
     curve: Any = field(default_factory=PiecewiseCurve)
     """Adhesion curve: tangential coefficient over the slip, one of `alloc.plant.curves`."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         if self.speed_law == "none" and self.level > MOST_LEVEL:
             yield f"`level` must be a coefficient, at most {MOST_LEVEL:g}: 14 % is 0.14"
         if isinstance(self.speed_law, str) and self.speed_law not in SPEED_LAWS:
@@ -221,7 +221,7 @@ class Line(PlantParameters):
     spacing: float = quantity(5.0, "m", above=0.0)
     """Resolution of the line."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         if len(self.stations) != len(self.grades) or not self.stations:
             yield f"{len(self.stations)} stations and {len(self.grades)} grades; give as many of each"
         if any(b < a for a, b in pairwise(self.stations)):

@@ -72,7 +72,7 @@ class Motors(PlantParameters):
     """How the motors of an inverter divide its torque: torque, equally; induction, at one frequency, by their speeds. A
     single motor has all of it."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         speeds, efforts = self.effort_speed, self.effort
         if not speeds and not efforts:
             if None in (self.torque, self.power):
@@ -92,14 +92,16 @@ class Motors(PlantParameters):
         speed = EFFORT_SPEED_STEP * np.arange(EFFORT_TABLE_LENGTH)
         moving, per_force = np.maximum(speed, 1e-3), radius / self.gear_ratio
 
-        def bounded(torque: float, power: float) -> Floats:
+        def limit_torque(torque: float, power: float) -> Floats:
             return np.minimum(torque, power * per_force / moving)
 
         torque, power = self.torque or 0.0, self.power or 0.0
-        drive = bounded(torque, power) * np.minimum(1.0, (self.pull_out_speed or np.inf) / moving)
+        drive = limit_torque(torque, power) * np.minimum(
+            1.0, (self.pull_out_speed or np.inf) / moving
+        )
         if self.effort:
             drive = per_force / max(count, 1) * np.interp(speed, self.effort_speed, self.effort)
-        brake = bounded(
+        brake = limit_torque(
             torque if self.brake_torque is None else self.brake_torque,
             power if self.brake_power is None else self.brake_power,
         )
@@ -149,7 +151,7 @@ class AirBrake(PlantParameters):
     friction_factor: float = field(default=1.0, metadata=NOT_IN_FILES)
     """Shoe friction over that of the design. The train's computers have no information on it."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         if len(self.friction) != 3 or self.friction[1] == 0.0:
             yield "`friction` must be three numbers, the offset > 0"
         if not all(isinstance(bogie, int) and bogie >= 0 for bogie in self.cut_out):
@@ -199,7 +201,7 @@ class Car(PlantParameters):
         """As in `Record`."""
         return f"car {self.name!r}"
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         n, positions, bogies = len(self.axle_positions), self.axle_positions, self.bogie_of_axle
         if n == 0:
             yield "has no axles; give axle_positions"
@@ -342,7 +344,7 @@ class Train(PlantParameters):
         """As in `Record`."""
         return f"train {self.name!r}"
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         if not self.cars:
             yield "has no cars"
         if self.axle_count > MOST_AXLES:

@@ -17,7 +17,7 @@ def limit_in_force(u, run):
 
 
 @jit
-def case_of(units, run):
+def find_case(units, run):
     """Case 2 (B) where caps and torque limits allow more than the plan, weighted with mass, else 1 (A)."""
     balance = 0.0
     for u in units:
@@ -28,7 +28,7 @@ def case_of(units, run):
 @share
 def share_alone(units, run):
     """Every unit keeps the plan, within its torque limit; only its own readhesion control acts."""
-    run.case = case_of(units, run)
+    run.case = find_case(units, run)
     for u in units:
         u.wanted = min(run.plan, u.most)
     return np.nan
@@ -53,7 +53,7 @@ GAIN = 0.1
 @share
 def share_uniform(units, run):
     """One step: for all the largest limit in force and `GAIN` times what the train lacks, within plan and `MOST` of it."""
-    run.case = case_of(units, run)
+    run.case = find_case(units, run)
     lacking, total, before = 0.0, 0.0, 0.0
     for u in units:
         lacking += u.mass_share * (run.needed - u.reported)
@@ -86,7 +86,7 @@ def share_preset(units, run):
     Limits are linear along the train, with the plan as their mean weighted with mass: of n equal units the foremost has
     (1 - `MOVED`) of the plan and the rearmost (1 + `MOVED`).
     """
-    run.case = case_of(units, run)
+    run.case = find_case(units, run)
     total, moment, spacing = 0.0, 0.0, 2.0 / max(units.size - 1, 1)
     for j in range(units.size):
         total += units[j].mass_share
@@ -121,7 +121,7 @@ def share_sharing(units, run):
     divided in equal parts among the others, and a limit that is not reached is lowered towards what is delivered,
     both by the share `HANDED` per step.
     """
-    run.case = case_of(units, run)
+    run.case = find_case(units, run)
     lacking, able = 0.0, 0.0
     for u in units:
         effort = max(u.reported, 0.0)
@@ -157,7 +157,7 @@ def share_erp(units, run):
     Without bounds x = s cap^2 with one scale s. Units beyond their bound are frozen there and the others solved for
     the rest, which raises s, so n passes suffice. With the norm sum m (x - plan)^2 the same is the exact level.
     """
-    run.case = case_of(units, run)
+    run.case = find_case(units, run)
     needed, scale = run.needed, 0.0
     for _ in range(units.size):
         wanted, free = 0.0, 0.0

@@ -16,7 +16,7 @@ import numpy as np
 from alloc.rules.exact import exact_limits
 from alloc.rules.problem import CASES, ROUNDING, AllocationProblem, optimality
 from alloc.rules.reference import reference_rule
-from alloc.rules.rule import PROMISES, RULES, Rule, rows_of
+from alloc.rules.rule import PROMISES, RULES, Rule, rows_of_problem
 from alloc.schema.errors import InputError, blamed_on
 from alloc.schema.registry import find_part
 
@@ -203,7 +203,7 @@ def _answer_error(rule: Rule, problem: AllocationProblem) -> float:
     kind="plain",
 )
 def _case_error(rule: Rule, problem: AllocationProblem) -> float:
-    units, run = rows_of(problem)
+    units, run = rows_of_problem(problem)
     rule.share(units, run)
     return float(run.case not in (0, 2 if problem.surplus > ROUNDING else 1))
 
@@ -219,7 +219,7 @@ def _repetition_error(rule: Rule, problem: AllocationProblem) -> float:
 def _row_error(rule: Rule, problem: AllocationProblem) -> float:
     answer, worst = rule(problem), 0.0
     for share in {rule.share, getattr(rule.share, "py_func", rule.share)}:
-        units, run = rows_of(problem)
+        units, run = rows_of_problem(problem)
         share(units, run)
         if run.case != 0 and CASES[run.case] != answer.case:
             return math.inf

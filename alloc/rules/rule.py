@@ -79,7 +79,7 @@ class Rule:
         if self.answer is not None:
             return replace(self.call_answer(problem), solve_time=time.perf_counter() - started)
         with blamed_on(f"rule {self.name!r}", self.share):
-            units, run = rows_of(problem)
+            units, run = rows_of_problem(problem)
             level = self.share(units, run)
             for name in vars(units):  # NumPy lets an array of rows have any
                 raise AttributeError(f"rows have no attribute {name!r}")
@@ -136,7 +136,7 @@ def _default_rows(n: int) -> tuple[Rows, Rows]:
     return UNIT.rows(n), RUN.rows(1)
 
 
-def rows_of(problem: AllocationProblem) -> tuple[Rows, Any]:
+def rows_of_problem(problem: AllocationProblem) -> tuple[Rows, Any]:
     """Rows of the units and the row of the run that state `problem` to a rule."""
     # copies: to fill every column anew takes four times as long
     units, run = (rows.copy() for rows in _default_rows(problem.n))

@@ -63,7 +63,7 @@ def drive(event: Event, driver: Driver) -> xr.Dataset:
         for rows, name in ((w.units, "applied"), (w.brakes, "pressure_target")):
             if not np.isfinite(values := rows[name]).all():
                 raise SimulationError(f"drive: at {time:g} s {name} = {values}; set finite values")
-        _advance(k, w, recording)
+        _advance_instant(k, w, recording)
         ended = k + 1
         if go_on is False:
             break
@@ -71,7 +71,7 @@ def drive(event: Event, driver: Driver) -> xr.Dataset:
 
 
 @jit
-def _advance(k, w, recording):
+def _advance_instant(k, w, recording):
     torque = state_places(w.wheelsets, w.cars, w.drives, w.cylinders, w.plant[0])[2]
     for j in range(w.units.size):
         u = w.units[j]

@@ -41,7 +41,7 @@ class DriverCommand(Parameters):
     accelerations: tuple[float, ...] = quantity(MISSING, "km/h/s", least=-np.inf)
     """On level track, negative braking."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         n, m = len(self.times), len(self.accelerations)
         if n != m or not n:
             yield f"{n} times and {m} accelerations; give as many of each, at least one"
@@ -84,7 +84,7 @@ class Event(Parameters):
     seed: int = quantity(0, "1")
     """What drew the event; it draws nothing here."""
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         period = self.onboard.period
         if self.ticks < 1:
             yield f"`duration` must not be below the control period {period!r}"

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from alloc.files import write_whole
 from alloc.onboard.columns import RUN, UNIT
 from alloc.plant.columns import CAR, CYLINDER, DRIVE, PLANT, WHEELSET
-from alloc.plant.curves import tops
+from alloc.plant.curves import find_tops
 from alloc.run.world import World
 from alloc.schema.errors import InputError, UnsoundRun
 from alloc.schema.tables import Rows, memory_words
@@ -77,8 +77,8 @@ def make_dataset(
     instants = slice(0, ended, max(1, round(event.record_period / period)))
     data = {}
     for name, dims, values, unit, meaning in (
-        *_recorded(record, instants),
-        *_derived(record, instants, w),
+        *_recorded_entries(record, instants),
+        *_derived_entries(record, instants, w),
     ):
         attributes = {"units": unit, "long_name": meaning}
         # numbers throughout: to look for dates in them would take half of the time
@@ -86,14 +86,14 @@ def make_dataset(
     time = data.pop("time")
     coordinates = {
         "time": xr.IndexVariable("time", time.values, time.attrs),
-        **_numbers(
+        **_number_parts(
             w.wheelsets.unit.tobytes(), w.wheelsets.car.tobytes(), w.cars.size, w.units.size
         ),
     }
     return xr.Dataset(data, coordinates, _attributes(event, rule, controller, w, ended, wall_time))
 
 
-def _recorded(record: Recording, instants: slice) -> Iterator[Entry]:
+def _recorded_entries(record: Recording, instants: slice) -> Iterator[Entry]:
     for table, rows in zip(_TABLES, record, strict=False):
         for name in table.recorded.names:
             values, column = rows[name][instants], table.columns[name]
@@ -105,13 +105,13 @@ def _recorded(record: Recording, instants: slice) -> Iterator[Entry]:
             yield name, dims, values, column.unit, column.meaning
 
 
-def _derived(record: Recording, instants: slice, w: World) -> Iterator[Entry]:
+def _derived_entries(record: Recording, instants: slice, w: World) -> Iterator[Entry]:
     """What follows from the record, and what does not change."""
     plant, a, drives, time = w.plant[0], w.wheelsets, w.drives, record.run.time[instants, 0]
     speed = record.cars.car_speed[instants]
     # of some curves the top costs more than a step of the plant
     offered = record.wheelsets.offered[instants], a.contact
-    most, slip = tops(plant.curve_number, w.curve, speed[:, a.car], *offered)
+    most, slip = find_tops(plant.curve_number, w.curve, speed[:, a.car], *offered)
     text = "true adhesion coefficient: the largest over the slip"
     yield "adhesion_limit", ("time", "axle"), most, "1", text
     yield "peak_slip", ("time", "axle"), slip, "m s-1", "slip velocity of that largest"
@@ -148,7 +148,7 @@ def _derived(record: Recording, instants: slice, w: World) -> Iterator[Entry]:
 
 
 @lru_cache(maxsize=16)
-def _numbers(unit: bytes, car: bytes, cars: int, units: int) -> dict[str, xr.Variable]:
+def _number_parts(unit: bytes, car: bytes, cars: int, units: int) -> dict[str, xr.Variable]:
     """Numbers of axles, cars and units; kept for the next run, since indexes take as long as the rest of the dataset."""
     of_axle, of_car = np.frombuffer(unit, np.int64), np.frombuffer(car, np.int64)
     counted = {"axle": of_axle.size, "car": cars, "unit": units}
@@ -219,7 +219,7 @@ def check_whole(run: xr.Dataset) -> None:
         whole = np.array_equal(v[name], np.arange(1, count + 1))
         need(whole, f"{name} has {v[name].size} of {count}, or another order")
     tables: Any = *(table.rows(1)[None] for table in _TABLES), (), ()
-    for name, dims, usual, of, _ in _recorded(Recording(*tables), slice(None)):
+    for name, dims, usual, of, _ in _recorded_entries(Recording(*tables), slice(None)):
         if (variable := run.variables.get(name)) is not None:
             kind = variable.dtype.name.replace("int32", "int64")  # netCDF 3 has no longer ones
             unit_of = variable.attrs.get("units", of)

@@ -15,7 +15,7 @@ import xarray as xr
 from numba import boolean, int64, typeof, void
 from numba.extending import register_jitable
 
-from alloc.compilation import jit, part
+from alloc.compilation import jit, jit_inline
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.reference_speed import ease_units
 from alloc.onboard.sensing import report_units, sense_train
@@ -39,7 +39,7 @@ from alloc.onboard.targets import (
 from alloc.onboard.telegrams import set_limits
 from alloc.plant.dynamics import advance_period, derivative, note_instant
 from alloc.rules import RULES, Rule
-from alloc.rules.baselines import case_of
+from alloc.rules.baselines import find_case
 from alloc.rules.problem import ROUNDING
 from alloc.run import wire
 from alloc.run.event import Event
@@ -178,7 +178,7 @@ class Simulation:
 # of its arrays at every call, which made a run a fifth slower.
 
 
-@part
+@jit_inline
 def read_inputs(k, w):
     """The driver's command and the readings of instant k."""
     run, onboard, plant = w.run[0], w.onboard[0], w.plant[0]
@@ -199,7 +199,7 @@ def read_inputs(k, w):
         wire.tell_speed(w.state, w.wheelsets, w.cars, w.drives, w.cylinders, plant, w.axles, run)
 
 
-@part
+@jit_inline
 def tell_oracle(w):
     """What each unit and each trailer's brake can truly carry."""
     wire.tell_limits(
@@ -208,7 +208,7 @@ def tell_oracle(w):
     )  # fmt: skip
 
 
-@part
+@jit_inline
 def sense_instant(k, w):
     """What follows from the readings, what each unit would say of itself, and what the plan needs."""
     run, onboard = w.run[0], w.onboard[0]
@@ -224,7 +224,7 @@ def sense_instant(k, w):
         run.needed += trailers_lack(w.units, w.brakes, run)
 
 
-@part
+@jit_inline
 def set_instant_targets(k, w, recording):
     """Limits that have arrived, and what they ask of motors and air."""
     run, onboard = w.run[0], w.onboard[0]
@@ -235,7 +235,7 @@ def set_instant_targets(k, w, recording):
         set_targets(w.units, onboard, run)
 
 
-@part
+@jit_inline
 def command_brakes(k, w):
     """What motors are commanded after easing, and what valves and cylinders are."""
     run = w.run[0]
@@ -245,7 +245,7 @@ def command_brakes(k, w):
     ask_brakes(w.axles, w.units, w.brakes, w.onboard[0], run)
 
 
-@part
+@jit_inline
 def record_and_advance(k, w, recording):
     """Commands go to the plant; the instant as it is recorded; a control period under these commands."""
     plant, run = w.plant[0], w.run[0]
@@ -288,7 +288,7 @@ def decide_instant(belief, share, k, w, recording):
         run.case = 0
         run.level = share(w.units, run)
         if run.case == 0:
-            run.case = case_of(w.units, run)
+            run.case = find_case(w.units, run)
     set_instant_targets(k, w, recording)
 
 

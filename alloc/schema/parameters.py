@@ -84,7 +84,7 @@ def quantity(
 
 @dataclass(frozen=True)
 class Parameters:
-    """Base of all records: what its fields declare is checked when it is made, then what its `_faults` find.
+    """Base of all records: what its fields declare is checked when it is made, then what its `_find_faults` find.
 
     A number lies within its bounds, a whole number is whole, a `Literal` is one of its choices; None is left alone.
     """
@@ -92,7 +92,7 @@ class Parameters:
     error: ClassVar[type[InputError]] = InputError
 
     def __post_init__(self) -> None:
-        for reason in chain(declared_faults(self), self._faults()):
+        for reason in chain(declared_faults(self), self._find_faults()):
             raise self.make_error(reason)
 
     def make_error(self, reason: str) -> InputError:
@@ -107,7 +107,7 @@ class Parameters:
         """How messages call this record."""
         return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(self).__name__).lower()
 
-    def _faults(self) -> Iterator[str]:
+    def _find_faults(self) -> Iterator[str]:
         """Reasons of faults where values do not fit together; the declared bounds are kept, and no reason came before."""
         yield from ()
 

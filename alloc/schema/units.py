@@ -45,7 +45,7 @@ UNITS: tuple[Unit, ...] = (
 """Units of keys; longer endings first, and last that of a pure number."""
 
 
-def unit_of(key: str) -> Unit:
+def unit_of_key(key: str) -> Unit:
     """Unit that the ending of a key states."""
     return next(unit for unit in UNITS if key.endswith(unit.ending))
 
@@ -56,7 +56,7 @@ def to_si(keys: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in keys.items():
         if value is None or isinstance(value, Mapping):
             continue
-        unit = unit_of(key)
+        unit = unit_of_key(key)
         if isinstance(value, list | tuple):
             value = tuple(unit.factor * number if unit.ending else number for number in value)
         elif unit.ending:

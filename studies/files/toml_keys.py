@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 from alloc.schema import units
 from alloc.schema.errors import InputError
 from alloc.schema.parameters import ANY, Meaning, meanings
-from alloc.schema.units import UNITS, unit_of
+from alloc.schema.units import UNITS, unit_of_key
 from studies import StudyError
 
 Schema = dict[str, Any]
@@ -35,7 +35,7 @@ def _fill_schema(schema: Schema, table: Any) -> None:
     properties = schema.get("properties", {})
     names = {table.field_of(key): key for key in reversed(properties)}
     for key, entry in properties.items():
-        unit, default = unit_of(key), defaults.get(table.field_of(key))
+        unit, default = unit_of_key(key), defaults.get(table.field_of(key))
         if isinstance(default, float) and math.isfinite(default):
             default = float(f"{default / unit.factor:.6g}")
         for value in (entry.pop("default", None), default):
@@ -77,7 +77,7 @@ class Keys(BaseModel):
     @classmethod
     def field_of(cls, key: str) -> str:
         """Field of the record that a key feeds."""
-        name = key.removesuffix(unit_of(key).ending)
+        name = key.removesuffix(unit_of_key(key).ending)
         return cls.renamed.get(name, name)
 
     @classmethod
@@ -94,7 +94,7 @@ class Keys(BaseModel):
 
 def find_range_fault(key: str, value: Any) -> str | None:
     """What is wrong with a number, or one of several, whose size no railway knows; None if nothing is."""
-    unit = unit_of(key)
+    unit = unit_of_key(key)
     for number in value if isinstance(value, tuple) else (value,):
         size = abs(number) if isinstance(number, float | int) else 0.0
         if size and not unit.least <= size <= unit.most:
@@ -203,7 +203,7 @@ def _state_key(table: Any, field: str, value: Any) -> str:
         shown = getattr(table, key)
         if shown is None:  # the record's default
             is_number = isinstance(value, float)
-            shown = float(f"{value / unit_of(key).factor:.6g}") if is_number else value
+            shown = float(f"{value / unit_of_key(key).factor:.6g}") if is_number else value
         shown = list(shown) if isinstance(shown, tuple) else shown
         return f"{'.'.join((*path, key))} = {shown!r}"
     return f"{field} = {value!r}"

@@ -15,7 +15,7 @@ from alloc.plant.curves import CURVES, CreepCurve
 from alloc.plant.rail import SPEED_LAWS
 from alloc.plant.rows import level_for
 from alloc.plant.train import Train
-from alloc.schema.units import unit_of
+from alloc.schema.units import unit_of_key
 from studies.files.scenario import Scenario
 
 Keys = dict[str, Any]
@@ -65,7 +65,7 @@ def drawn_event(base: Scenario, name: str, title: str, **keys: Any) -> Scenario:
 
 def drop_tiny(key: str, size: float) -> float:
     """0 where a draw is smaller than any size that files know."""
-    return size if abs(size) >= unit_of(key).least else 0.0
+    return size if abs(size) >= unit_of_key(key).least else 0.0
 
 
 SENSORS = ("speed_noise_kmh", "speed_quantum_kmh", "radius_error", "load_error")

@@ -55,7 +55,7 @@ Name = tuple[str, str]
 """A module, and a name in it; or a data file."""
 
 
-def key_of(run: Callable[..., Any], args: tuple[Any, ...], sources: tuple[str, ...] = ()) -> str:
+def hash_cell(run: Callable[..., Any], args: tuple[Any, ...], sources: tuple[str, ...] = ()) -> str:
     """Hash of what decides the rows that `run(*args)` gives; `sources`: modules of parts that `args` name."""
     text = json.dumps([_plain_value(run), args, hash_sources(run, sources)], default=_plain_value)
     return _hash_text(text)

@@ -19,7 +19,7 @@ from rich.progress import MofNCompleteColumn, Progress
 from alloc.files import write_whole
 from studies import StudyError
 from studies.runner.plugins import ASKED, slow
-from studies.runner.row_key import key_of, read_anew
+from studies.runner.row_key import hash_cell, read_anew
 from studies.runner.rows import BOOKKEEPING, Row, append_rows, read_rows, write_table
 from studies.runner.workers import compute_rows
 from studies.statistics import Statement, shorten_statements, statement_table
@@ -76,7 +76,7 @@ class Study:
         """The cells of so many events of this seed, by their keys; None stands for the study's number or seed."""
         read_anew()
         cells = self.cells(events or self.events, self.seed if seed is None else seed)
-        return {key_of(self.run, cell.args, cell.sources): cell for cell in cells}
+        return {hash_cell(self.run, cell.args, cell.sources): cell for cell in cells}
 
 
 def run_study(

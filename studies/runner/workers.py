@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from studies import SourcesChanged, StudyError, WorkerLost
 from studies.runner.plugins import load_plugins, loaded_files
-from studies.runner.row_key import key_of
+from studies.runner.row_key import hash_cell
 from studies.runner.rows import Row
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def compute_task(task: bytes, plugins: Sequence[str]) -> dict[str, list[Row]]:
         start = time.perf_counter()
         rows: list[Row]
         try:
-            if key_of(run, cell.args, cell.sources) != key:
+            if hash_cell(run, cell.args, cell.sources) != key:
                 raise SourcesChanged(
                     f"process {os.getpid()} on {platform.node()} has other sources than the program that asked: "
                     "they changed, or a part has no file that is loaded as a plug-in, then give jobs = 1; or workers "

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from studies.runner.catalogue import STUDIES, find_study
-from studies.runner.row_key import key_of
+from studies.runner.row_key import hash_cell
 
 SEED = 3
 
@@ -16,7 +16,7 @@ def study(request):
 
 
 def keys(study, cells):
-    return [key_of(study.run, one.args, one.sources) for one in cells]
+    return [hash_cell(study.run, one.args, one.sources) for one in cells]
 
 
 def test_its_question_is_a_sentence_in_one_line(study):

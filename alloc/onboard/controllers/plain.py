@@ -13,7 +13,7 @@ NO_LESS_THAN_0 = (0.0, math.inf)
 
 
 @control
-def follow(unit, axles, memory, run):
+def follow_target(unit, axles, memory, run):
     """The torque follows its target whatever the wheels do."""
     unit.torque_command = unit.torque_target
 
@@ -109,7 +109,7 @@ def torque_table(unit, axles, memory, run):
 
 register(
     "none",
-    follow,
+    follow_target,
     "torque follows the limit whatever the wheels do",
     colour="#aa8e55",
     marker="o",
