@@ -81,7 +81,7 @@ def blamed_on(part: str, function: Any = None) -> Iterator[None]:
         if "NoneType" not in text and (compiles or isinstance(error, NameError | AttributeError)):
             missing = re.search(r"(?:attribute|name) '?(\w+)|^'(\w+)'$", text)
         if missing:
-            from alloc.onboard.columns import AXLE, RUN, UNIT
+            from alloc.schema.tables import Table
 
             name, lines = missing[1] or missing[2], linecache.getlines(file)
             if start and users[-1:] == start:  # where the function begins: the name is below
@@ -89,7 +89,7 @@ def blamed_on(part: str, function: Any = None) -> Iterator[None]:
                 named_in = (k for k in searched if re.search(rf"\b{name}\b", lines[k - 1]))
                 line = next(named_in, line)
             names = {*dir(getattr(error, "obj", None)), *re.findall(r"\w+", "".join(lines))}
-            names.update(*(table.columns for table in (AXLE, RUN, UNIT)))
+            names.update(*(table.columns for table in Table.every))
             nearest = get_close_matches(name, names - {name}, 1, 0.7)
             text += f"; did you mean {nearest[0]!r}?" if nearest else ""
         elif compiles:

@@ -7,7 +7,8 @@ Rows are read by name everywhere: `units[j].limit` in compiled and in plain code
 import math
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields
-from typing import Any
+from typing import Any, ClassVar
+from weakref import WeakSet
 
 import numpy as np
 from numba import from_dtype
@@ -44,7 +45,11 @@ class Table:
     Python would read the attribute in its place.
     """
 
+    every: ClassVar[WeakSet["Table"]] = WeakSet()
+    """All tables that there are."""
+
     def __init__(self, name: str, **columns: Column) -> None:
+        self.every.add(self)
         for key in columns:
             if hasattr(np.record, key):
                 raise TypeError(f"{name}: no column can be called {key}; rows have that attribute")
