@@ -195,11 +195,9 @@ def sweep(
     study = _find_study(str(name))
     with _tempfile.TemporaryDirectory() as folder:
         rows = _run_study(study, folder if out is None else out, events, seed, jobs)
-    table = _tidy(rows)
-    table.attrs |= {
-        name: table.to_dict(orient="records") for name, table in study.make_tables(rows).items()
-    }
-    return rows
+    tidied, tables = _tidy(rows), study.make_tables(rows)
+    tidied.attrs |= {name: table.to_dict(orient="records") for name, table in tables.items()}
+    return tidied
 
 
 def rank(

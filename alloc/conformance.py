@@ -131,10 +131,10 @@ def _truth_read(controller: Controller, start: Start) -> float:
     return _difference(command, units.torque_command / units.torque_target.max())
 
 
-def _difference(values: Any, others: Any) -> float:
+def _difference(values: Any, reference: Any) -> float:
     """Largest difference; infinite where one alone is a number."""
-    apart = np.where(values == others, 0.0, np.abs(values - others))
-    apart[np.isnan(values) & np.isnan(others)] = 0.0
+    apart = np.where(values == reference, 0.0, np.abs(values - reference))
+    apart[np.isnan(values) & np.isnan(reference)] = 0.0
     return float(np.nan_to_num(apart, nan=np.inf).max())
 
 

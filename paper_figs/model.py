@@ -7,6 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from alloc.onboard import columns as onboard
+from alloc.plant import columns as plant
 from alloc.plant.curves import CURVES, AdhesionCurve, PiecewiseCurve
 from alloc.plant.rows import rows_of_train
 from paper_figs.style import WIDE, Drawing
@@ -194,7 +196,48 @@ def _draw_loop(axes: Axes) -> None:
         axes.text(x, y, text, ha=side)
 
 
+# the plan of the house
+
+
+def draw_house() -> Figure:
+    """The rooms of `alloc`: two wings with their tables, as the code has them, and the wire between."""
+    drawn = Figure(figsize=(WIDE, 2.9), layout="constrained")
+    axes = drawn.subplots()
+    axes.set(xlim=(0.0, 100.0), ylim=(0.0, 12.6))
+    axes.set_axis_off()
+    for y, name, text, colour in (
+        (1.0, "schema", "tables and columns, parameters, parts by name", "#eeeeee"),
+        (9.4, "run", "event, the loop of control periods, recorded run", "white"),
+        (11.6, "evaluation", "metrics of a recorded run", "white"),
+    ):
+        _draw_box(axes, 50.0, y, (98.0, 1.7), f"{name}: {text}", colour)
+    for x, title, tables, colour in (
+        (18.0, "plant: what is true", plant.TABLES, "#f3f0e8"),
+        (82.0, "onboard: what is known", onboard.TABLES, PALE),
+    ):
+        axes.add_patch(Rectangle((x - 17.0, 2.2), 34.0, 6.0, facecolor=colour, edgecolor=DARK))
+        axes.text(x, 7.5, title, ha="center", weight="bold")
+        for k, table in enumerate(tables):
+            title = f"{table.name.replace('_', ' ')} ({len(table.columns)})"
+            axes.text(x - 16.0 + 17.0 * (k % 2), 6.5 - 0.95 * (k // 2), title)
+    _draw_box(axes, 82.0, 3.2, (32.0, 1.5), "rules, mpc: functions on these rows", "white")
+    for y, start, end, text, colour, dashes in (
+        (7.1, 35.0, 65.0, "read: noise, quantum, loss", GREEN, "-"),
+        (5.2, 65.0, 35.0, "apply: torque, pressure, valve", DARK, "-"),
+        (3.3, 35.0, 65.0, "told to the oracle alone", RED, "--"),
+    ):
+        look = {"arrowstyle": "-|>", "color": colour, "linestyle": dashes}
+        axes.annotate("", (end, y), (start, y), arrowprops=look)
+        axes.text(50.0, y + 0.25, text, color=colour, ha="center")
+    axes.text(50.0, 2.4, "run/wire.py", ha="center", weight="bold")
+    return drawn
+
+
 FIGURES = {
+    "house": Drawing(
+        draw_house,
+        "What is true and what is known have tables and folders of their own (in brackets: columns), and meet at one wire.",
+    ),
     "model": Drawing(
         draw_model,
         "Each unit reports to the leader, the foremost unit that works, whose allocation rule answers with limits; "

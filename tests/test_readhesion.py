@@ -91,7 +91,7 @@ MISTAKES = [
     (lambda e, run: r.simulate(e, "exakt"), "did you mean 'exact'"),
     (lambda e, run: r.simulate(e, ["alone", "exact"]), "a run has one; `readhesion.compare`"),
     (lambda e, run: r.simulate(e, lambda problem: problem.cap), "give the name of a rule"),
-    (lambda e, run: r.simulate(e, controller=Rail), r"or Controller\("),
+    (lambda e, run: r.simulate(e, controller=Rail), "give the name of a controller"),
     (lambda e, run: r.simulate(e.event(), seed=1), "seed = 1: an event has its draws"),
     (lambda e, run: simulate_event(e), r"is no Event: its method event\(seed\) gives one"),
     (lambda e, run: simulate_event("wet-start"), "takes names too"),

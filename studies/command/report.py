@@ -73,7 +73,7 @@ def write_report(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
         replays=replays,
         left_out=left_out,
         computed=pd.to_datetime(rows["batch"].max()).strftime("%d %B %Y, %H:%M UTC"),
-        list_versions=list_versions(),
+        provenance=list_versions(),
         sources=_cited_sources(places),
     )
     write_whole(out, partial(Path.write_text, data=text, encoding="utf-8"))

@@ -97,7 +97,7 @@ def test_a_rule_is_ranked_among_the_stored_ones(rows, monkeypatch):
     own = own.assign(bound_use=own["bound_use"] + 0.01)
     monkeypatch.setattr(benchmark, "read_stored", lambda: stored)
     pair = "mine", "perturb-observe"
-    tables = benchmark.rank_study(*pair).tables(own)
+    tables = benchmark.rank_study(*pair).make_tables(own)
     places, gains = tables["table"], tables["gains"]
     by = places.set_index("name")
     assert by.loc["mine", "used"] == pytest.approx(by.loc["cooperative", "used"] + 1.0, abs=1e-4)
