@@ -151,6 +151,10 @@ def pull_couplers(y, dy, cars, bodies):
     return power
 
 
+# Arrays go from function to function one by one: a NamedTuple of them counts a reference to each at every call, which took a
+# sixth of a run. The lists are long for this alone; their order is that of `alloc.run.world.World`.
+
+
 @jit
 def derivative(
     t,
@@ -187,6 +191,7 @@ def derivative(
 
     # the wheelsets; a unit's angular speeds are summed where the rate of its torque will stand
     q0, q1, q2, q3, q4 = 0.0, 0.0, 0.0, 0.0, 0.0
+    # a call per axle and a choice of the curve would cost what the rest of the right side does
     usual = plant.curve_number == PIECEWISE and not plant.pitches
     if usual:  # what follows from these alone is found once
         q0, q1, q2, q3, q4 = curve[0], curve[1], curve[2], curve[3], curve[4]

@@ -255,7 +255,9 @@ def record_and_advance(k, w, recording):
         w.retard, w.curve, w.scatter, plant,
     )  # fmt: skip
     note_instant(w.state, w.stages[0], w.wheelsets, w.cars, w.drives, w.cylinders, plant)
-    for n in range(len(recording.memory)):  # recorded columns are the first words of a row
+    # Recorded columns are the first words of a row: one copy of words serves columns of all types, where rows of two types
+    # would be copied field by field.
+    for n in range(len(recording.memory)):
         live, memory = recording.live[n], recording.memory[n]
         for i in range(memory.shape[1]):
             for c in range(memory.shape[2]):
