@@ -56,6 +56,7 @@ from studies.run_cell import recorded as _recorded
 from studies.runner.catalogue import find_study as _find_study
 from studies.runner.plugins import reload_plugins as _reload_plugins
 from studies.runner.plugins import try_own_parts as _try_own_parts
+from studies.runner.study import Study as _Study
 from studies.runner.study import run_study as _run_study
 
 __version__ = _version("readhesion")
@@ -162,7 +163,8 @@ def compare(
 
     What is left out is as in `readhesion compare`. `out`: a folder that keeps rows as they are computed; the same call goes
     on where it stopped. `jobs`: processes; a script that asks for several does so under ``if __name__ == "__main__"``.
-    Raises `InputError` for a part that does not exist or does not work; a run that fails is a row with its reason.
+    `attrs["table"]` has the standings. Raises `InputError` for a part that does not exist or does not work; a run that fails
+    is a row with its reason.
     """
     _check("seeds", 1 if seeds is None else seeds, 1)
     _check("jobs", jobs, 1)
@@ -173,7 +175,8 @@ def compare(
     _try_own_parts(grid.rules, grid.controllers)
     study = _compare.make_study(grid)
     with _tempfile.TemporaryDirectory() as folder:
-        return _tidy(_run_study(study, folder if out is None else out, jobs=jobs))
+        rows = _run_study(study, folder if out is None else out, jobs=jobs)
+    return _with_tables(rows, study)
 
 
 def sweep(
@@ -195,9 +198,7 @@ def sweep(
     study = _find_study(str(name))
     with _tempfile.TemporaryDirectory() as folder:
         rows = _run_study(study, folder if out is None else out, events, seed, jobs)
-    tidied, tables = _tidy(rows), study.make_tables(rows)
-    tidied.attrs |= {name: table.to_dict(orient="records") for name, table in tables.items()}
-    return tidied
+    return _with_tables(rows, study)
 
 
 def rank(
@@ -273,7 +274,7 @@ class _OfRun:
         return plot(self._run, path)
 
 
-if __name__ != "__main__":  # as a command it is imported again by what it runs
+if __name__ not in ("__main__", "__mp_main__"):  # as a command it is imported again by what it runs
     _xr.register_dataset_accessor("readhesion")(_OfRun)
 
 
@@ -307,6 +308,13 @@ def _check(option: str, value: _Any, least: int, most: int = 2**31 - 1) -> None:
 
 def _tidy(rows: _pd.DataFrame) -> _pd.DataFrame:
     return rows.drop(columns=["cell", "name", "batch"]).reset_index(drop=True)
+
+
+def _with_tables(rows: _pd.DataFrame, study: _Study) -> _pd.DataFrame:
+    """Rows, and in `attrs` what the study makes of them, as lists of rows."""
+    tidied, tables = _tidy(rows), study.make_tables(rows)
+    tidied.attrs |= {name: table.to_dict(orient="records") for name, table in tables.items()}
+    return tidied
 
 
 if __name__ == "__main__":

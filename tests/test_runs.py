@@ -7,8 +7,10 @@ import pytest
 import xarray as xr
 
 from alloc.evaluation.metrics import evaluate
+from alloc.onboard.columns import TABLES as BOARD_TABLES
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.onboard.settings import Onboard, Sensors
+from alloc.plant.columns import TABLES as PLANT_TABLES
 from alloc.plant.rail import Line, Patch, Rail, logarithmic_increments
 from alloc.plant.trains import find_train
 from alloc.rules import RULES
@@ -155,6 +157,30 @@ def test_a_file_gives_the_run_back(tmp_path):
     run = simulate(event(duration=1.0))
     save(run, tmp_path / "run.nc")
     xr.testing.assert_identical(load(tmp_path / "run.nc"), run)
+
+
+def test_every_recorded_column_is_written_in_some_run():
+    names = (
+        "wet-stop",
+        "freight-start",
+        "jp4209318-stop",
+        "lost-sensors",
+        "failed-unit",
+        "lost-telegrams",
+    )
+    runs = [simulate(load_scenario(name).event(1), "greedy", "cut-and-ramp") for name in names]
+    more = (
+        ("wet-stop", "exact", "none"),
+        ("lost-sensors", "alone", "none"),
+        ("freight-start", "alone", "perturb-observe"),
+    )
+    runs += [simulate(load_scenario(name).event(1), *parts) for name, *parts in more]
+    for table in (*PLANT_TABLES, *BOARD_TABLES):
+        for name in table.recorded.names:
+            default = table.columns[name].default
+            assert any(
+                (run[name] != default).any() and run[name].notnull().any() for run in runs
+            ), name
 
 
 def test_every_variable_says_what_it_is():

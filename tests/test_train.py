@@ -8,7 +8,7 @@ import pytest
 
 from alloc.laws import GRAVITY
 from alloc.onboard.rows import radius_errors
-from alloc.onboard.settings import Dropout, Onboard, Sensors
+from alloc.onboard.settings import Assumed, Dropout, Onboard, Sensors
 from alloc.plant.curves import CURVES, own_curve
 from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.rows import level_for, offered_by, planned_coefficients, rows_of_train
@@ -185,17 +185,25 @@ def test_what_the_computers_cannot_know_is_in_other_tables():
     assert rows.cars.stiffness.tolist() == [1e7, 2e7, 0.0]
 
 
-@looped(("factor", "columns"), [
-    ("lag_factor", {"unit": {"lag"}}),
-    ("inertia_factor", {"axle": {"inertia"}, "unit": {"inertia", "turning", "brake_turning"}, "brake": {"turning"}}),
-    ("brake_factor", {"brake": {"gain"}}),
-])  # fmt: skip
-def test_a_wrong_belief_changes_believed_columns_alone(factor, columns):
+FACTORS = {
+    "mass_factor": {"train_mass"},
+    "resistance_factor": {"resistance", "resistance_linear", "resistance_quadratic"},
+    "lag_factor": {"unit.lag"},
+    "inertia_factor": {"axle.inertia", "unit.inertia", "unit.turning", "unit.brake_turning", "brake.turning"},
+    "brake_factor": {"brake.gain"},
+}  # fmt: skip
+
+
+@looped("factor", [item.name for item in fields(Assumed) if item.name.endswith("_factor")])
+def test_a_wrong_belief_changes_what_is_believed(factor):
     onboard = Onboard().with_settings({f"belief.{factor}": 1.3})
-    rows = [believed_train(rows_of_train(UNEQUAL), UNEQUAL, one) for one in (Onboard(), onboard)]
-    for name, right, wrong in zip(("axle", "unit", "brake"), *rows, strict=False):
-        changed = {key for key in right.dtype.names if right[key].tobytes() != wrong[key].tobytes()}
-        assert changed == columns.get(name, set())
+    right, wrong = ({
+        **{f"{name}.{key}": table[key].tobytes() for name, table in zip(("axle", "unit", "brake"), believed, strict=False)
+           for key in table.dtype.names},
+        **believed[3],
+    } for believed in (believed_train(rows_of_train(UNEQUAL), UNEQUAL, one) for one in (Onboard(), onboard)))  # fmt: skip
+    changed = {key for key in right if right[key] != wrong[key]} - {"planned", "brake_planned"}
+    assert changed == FACTORS[factor]
 
 
 @looped("name", CURVES.shipped())

@@ -256,7 +256,7 @@ class Assumed(OnboardParameters):
     inertia_factor: float = quantity(1.0, "1", most=100.0, later=True)
     """Believed over true inertia of the wheelsets."""
     brake_factor: float = quantity(1.0, "1", above=0.0, most=100.0, later=True)
-    """Believed over true force of the brake shoes."""
+    """Believed over true force of the brake shoes, which is pressure times gain and friction."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from importlib import import_module
 from pathlib import Path
 
 from alloc.evaluation.metrics import METRICS
+from alloc.onboard.beliefs import BELIEFS
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant.curves import CURVES
 from alloc.plant.trains import TRAINS, find_train
@@ -57,6 +58,7 @@ KINDS: dict[str, Callable[[], dict[str, str]]] = {
     "scenarios": lambda: {name: load_scenario(name).title for name in shipped_names()},
     "rules": lambda: {name: rule.description for name, rule in RULES.items()},
     "controllers": lambda: {name: part.meaning for name, part in CONTROLLERS.items()},
+    "beliefs": lambda: {name: belief.description for name, belief in BELIEFS.items()},
     "curves": lambda: {name: str(part.__doc__).partition("\n")[0] for name, part in CURVES.items()},
     "trains": _describe_trains,
     "studies": lambda: {name: find_study(name).question for name in STUDIES},

@@ -26,7 +26,9 @@ def draw_rows(gains, events=8, seeds=2, spread=0.01, over=None):
         for seed in range(seeds):
             for rule, gain in gains.items():
                 used = level + gain + spread * generator.normal()
-                rows.append({"scenario": f"event {event}", "seed": seed, "rule": rule, "controller": "perturb-observe",
+                metrics = {column.metric: 0.1 for column in compare.COLUMNS.values()}
+                rows.append(metrics | {
+                             "scenario": f"event {event}", "seed": seed, "rule": rule, "controller": "perturb-observe",
                              "bound_use": used, "damage": 100.0 + 10.0 * used, "slip_time": 1.0, "rule_gap": np.nan,
                              "over_delivery": (over or {}).get(rule, 0.0), "status": "ok", "reason": ""})  # fmt: skip
     return pd.DataFrame(rows)
