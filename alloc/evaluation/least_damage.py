@@ -89,8 +89,9 @@ def find_best_splits(run: RecordedRun) -> BestSplits | None:
     contact = run["axle_contact"][axles].astype(float)
     peak, top, load = map(select_axles, ("offered", "peak_slip", "axle_load"))
     curve, way = int(run.attrs["curve"]), run.way[instants]
-    delivered, dissipated = tabulate_splits(
-        curve, values, way, speed, peak, contact, top, load, most, first
+    delivered, dissipated = np.zeros((2, way.size, COSTS.size))
+    tabulate_splits(
+        curve, values, way, speed, peak, contact, top, load, most, first, delivered, dissipated
     )
     # wheels that failed motors do not turn resist, whatever the split
     force = run.force[instants][:, axles].sum(axis=1) - np.minimum(pull, 0.0).sum(axis=1)
@@ -101,14 +102,15 @@ def find_best_splits(run: RecordedRun) -> BestSplits | None:
 
 
 @jit
-def tabulate_splits(curve, values, way, speed, peak, contact, top, load, pull, first):
-    """What all parts together deliver [N] and dissipate [W] at each of `COSTS`, both (instants, costs).
+def tabulate_splits(
+    curve, values, way, speed, peak, contact, top, load, pull, first, delivered, dissipated
+):
+    """Add up what all parts deliver [N] and dissipate [W] at each of `COSTS`, into (instants, costs).
 
     `way` (instants,); `contact` (axles,); `speed`, `peak`, `top` (slip of the peak), `load` (instants, axles); `pull`
     (instants, parts): what motors allow an axle [N]; the axles of part j are those from `first[j]` to `first[j + 1]`.
     Between steps of w, power is a parabola of force.
     """
-    delivered, dissipated = np.zeros((2, top.shape[0], COSTS.size))
     table, most = np.empty((top.shape[1], NODES + 1)), np.empty(top.shape[1])
     force, power, middle, price = np.zeros((4, STEPS + 1))
     for k in range(top.shape[0]):
@@ -160,4 +162,3 @@ def tabulate_splits(curve, values, way, speed, peak, contact, top, load, pull, f
                 bend = 0.25 * bend * step * u * (1.0 - u)
                 delivered[k, q] += f
                 dissipated[k, q] += power[n - 1] + u * (power[n] - power[n - 1]) - bend
-    return delivered, dissipated

@@ -128,8 +128,8 @@ class Simulation:
 
     def plan_instant(self) -> None:
         """Go to the next instant's targets: readings, belief, rule, limits."""
-        belief, share = self.rule.belief.function, self.rule.share
-        plan_instant(belief, share, self.knows, self.tick, self.world, self.recording)
+        self._read_inputs()
+        self._set_targets()
 
     def command_units(self) -> None:
         """Have the controller command torques for these targets, in `world.units.torque_command`."""
@@ -137,32 +137,43 @@ class Simulation:
 
     def finish_instant(self) -> None:
         """Go to the next instant with the torques that `world.units.torque_command` has."""
-        finish_instant(self.tick, self.world, self.recording)
-        self.tick += 1
+        command_brakes(self.tick, self.world)
+        self._record_and_advance()
 
     def run_blind(self) -> None:
         """Run to the end with all that is true nan between `wire.read` and `wire.apply`.
 
         The law of the house: what computers on board command must be the same. Slow, for tests and `check_controller`.
         """
-        w, recording = self.world, self.recording
-        truth = [getattr(w, name) for name in TRUE]
-        for k in range(self.tick, self.ticks):
-            read_inputs(k, w)
-            if self.knows:
-                tell_oracle(w)
+        truth = [getattr(self.world, name) for name in TRUE]
+        while self.tick < self.ticks:
+            self._read_inputs()
             hidden = [table.copy() for table in truth]
             for table in truth:
                 for column in table.dtype.names or (...,):
                     table[column] = np.nan if table[column].dtype.kind == "f" else 0
             with np.errstate(all="ignore"):
-                decide_instant(self.rule.belief.function, self.rule.share, k, w, recording)
+                self._set_targets()
                 self.command_units()
-                command_brakes(k, w)
+                command_brakes(self.tick, self.world)
             for table, values in zip(truth, hidden, strict=True):
                 table[...] = values
-            record_and_advance(k, w, recording)
-        self.tick = self.ticks
+            self._record_and_advance()
+
+    def _read_inputs(self) -> None:
+        read_inputs(self.tick, self.world)
+        if self.knows:
+            tell_oracle(self.world)
+
+    def _set_targets(self) -> None:
+        belief, share = self.rule.belief.function, self.rule.share
+        sense_instant(self.tick, self.world)
+        call_rule(belief, share, self.tick, self.world, self.recording)
+        set_instant_targets(self.tick, self.world, self.recording)
+
+    def _record_and_advance(self) -> None:
+        record_and_advance(self.tick, self.world, self.recording)
+        self.tick += 1
 
     def recorded(self) -> xr.Dataset:
         """The run up to here; raises `UnsoundRun` where its state is no number."""
@@ -268,30 +279,20 @@ def record_and_advance(k, w, recording):
     )  # fmt: skip
 
 
-# These may be called from Python, with parts in Python, and from the compiled loop.
+# Both may be called from Python, with parts in Python, and from the compiled loop. A function that calls several pieces would
+# be compiled beside the loop: each such layer took 2 s of 25.
 
 
 @register_jitable(inline="always")
-def plan_instant(belief, share, knows, k, w, recording):
-    """Up to the targets of instant k."""
-    read_inputs(k, w)
-    if knows:
-        tell_oracle(w)
-    decide_instant(belief, share, k, w, recording)
-
-
-@register_jitable(inline="always")
-def decide_instant(belief, share, k, w, recording):
-    """From the readings of instant k to its targets."""
+def call_rule(belief, share, k, w, recording):
+    """What the leader believes, and where it asks its rule, the limits that it orders."""
     run = w.run[0]
-    sense_instant(k, w)
     if belief(k, w.units, recording.units, w.report_tick, run):
         run.asked += 1
         run.case = 0
         run.level = share(w.units, run)
         if run.case == 0:
             run.case = find_case(w.units, run)
-    set_instant_targets(k, w, recording)
 
 
 @register_jitable(inline="always")
@@ -302,19 +303,18 @@ def command_units(control, w):
         control(units[j], axles[units[j].first : units[j].last], memory[j], run)
 
 
-@register_jitable(inline="always")
-def finish_instant(k, w, recording):
-    """Brakes are commanded, the instant is recorded, and the plant goes to the next."""
-    command_brakes(k, w)
-    record_and_advance(k, w, recording)
-
-
 def run_instants(belief, share, control, knows, first, w, recording):
     """All instants from `first` on."""
     for k in range(first, w.command.size):
-        plan_instant(belief, share, knows, k, w, recording)
+        read_inputs(k, w)
+        if knows:
+            tell_oracle(w)
+        sense_instant(k, w)
+        call_rule(belief, share, k, w, recording)
+        set_instant_targets(k, w, recording)
         command_units(control, w)
-        finish_instant(k, w, recording)
+        command_brakes(k, w)
+        record_and_advance(k, w, recording)
 
 
 @cache
