@@ -279,8 +279,8 @@ def record_and_advance(k, w, recording):
     )  # fmt: skip
 
 
-# Both may be called from Python, with parts in Python, and from the compiled loop. A function that calls several pieces would
-# be compiled beside the loop: each such layer took 2 s of 25.
+# Both may be called from Python, with parts in Python, and from the compiled loop. A function that calls several pieces is
+# compiled beside the loop: each such layer took 2 s of 25.
 
 
 @register_jitable(inline="always")
