@@ -99,7 +99,7 @@ def test_json_is_strict(capsys, command):
 
 def test_names(capsys):
     output = strict(printed(capsys, "list", "--json"))
-    kinds = "scenarios rules controllers curves trains studies figures metrics"
+    kinds = "scenarios rules controllers beliefs curves trains studies figures metrics"
     assert set(kinds.split()) == set(output)
     assert all(meaning for names in output.values() for meaning in names.values())
     assert "wear " in printed(capsys, "list", "rules")

@@ -109,7 +109,7 @@ def test_a_living_cluster_follows_an_edit(tmp_path):
 def test_a_fault_of_the_place_is_no_row(tmp_path, monkeypatch):
     """Of a process with other sources, and of one that has loaded what the project was before an edit."""
     keys = map(str, count())
-    monkeypatch.setattr(workers, "key_of", lambda *cell: next(keys))
+    monkeypatch.setattr(workers, "hash_cell", lambda *cell: next(keys))
     with pytest.raises(SourcesChanged, match="other sources than the program"):
         run_study(make(), tmp_path, 5)
     monkeypatch.undo()
