@@ -28,17 +28,15 @@ def own_parts():
     from alloc.schema.registry import Registry
     from studies.runner import plugins
 
-    kept = {origin for registry in Registry.every for origin in registry.origins()}
-    tables = (plugins._loaded, plugins._hashes, plugins.slow)
+    tables = (Registry.registered, plugins._loaded, plugins._hashes, plugins.slow)
     before = [dict(table) for table in tables]
     yield
-    for registry in Registry.every:
-        for origin in registry.origins() - kept:
-            if origin.partition(".")[0] not in plugins.PACKAGES:
+    for origin, instant in Registry.registered.items():
+        if origin.partition(".")[0] in plugins.PACKAGES:  # loaded late, and to stay
+            before[0][origin] = instant
+        elif origin not in before[0]:
+            for registry in Registry.every:
                 registry.forget(origin)
-    for origin in set(Registry.registered) - kept:
-        if origin.partition(".")[0] not in plugins.PACKAGES:
-            del Registry.registered[origin]
     for table, rows in zip(tables, before, strict=True):
         table.clear()
         table.update(rows)

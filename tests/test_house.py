@@ -59,8 +59,7 @@ PRONOUNS = {
     "taken", "kept", "stated", "done", "here", "there", "about", "what", "several",
 }  # fmt: skip
 """They name nothing; a variable is named by what it is."""
-ALLOWED = {"studies.gymnasium_environment": {"others"}}
-"""Public arguments of a release before."""
+ALLOWED = {"studies.gymnasium_environment": {"others"}}  # a public argument
 
 
 def test_the_wings_meet_in_the_run_alone():

@@ -3,7 +3,7 @@
 The momentum balance foresees the speed; the axle that runs least ahead measures it. An axle further ahead than `gate`
 deviations slips. Where readhesion control holds any unit on the verge of slip, a driven axle may creep with all others: it
 tells only that the train is no faster. The balance alone then carries the estimate on, and its deviation grows. Once it
-exceeds `doubt`, one unit after the other is eased for a moment (`ease`): its wheels roll, and tell the speed.
+exceeds `doubt`, one unit after the other is eased for a moment (`ease_units`): its wheels roll, and tell the speed.
 
 Known limit: where every axle is braked by air, the best wheel creeps too and the estimate runs 0.15 to 0.2 m/s below the
 train. `onboard.true_speed` gives the true one to studies of what follows from it.

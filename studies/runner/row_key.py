@@ -173,8 +173,7 @@ WORDS = {
     "Rule": (1,),
     "convex_rule": (),
     "metric": (2,),
-    "of_run": (4,),
-    "register": (2, 4, 5),
+    "register": (2,),
 }
 """What makes a part, and the places of arguments that say how the part is shown."""
 

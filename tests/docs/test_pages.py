@@ -104,6 +104,12 @@ def test_links_lead_somewhere(page):
             assert not anchor or anchor in anchors(path.read_text("utf-8")), target
 
 
+@pytest.mark.parametrize("page", sorted(set(PAGES) - {"CHANGELOG.md"}))
+def test_code_that_a_page_names_exists(page):
+    for name in re.findall(r"`((?:alloc|mpc|studies|paper_figs)\.[\w.]+)`", PAGES[page]):
+        assert locate(name) is not None, name
+
+
 PRINTED = {
     "jp4209318": (5, 29, 4, 1), "jp5484215": (17, 18, 0, 3), "jph07322414": (10, 8, 0, 7),
     "readhesion-paper": (23, 11, 2, 0), "rtri": (7, 9, 2, 0),
