@@ -8,8 +8,10 @@ owner alone, else nothing is kept.
 import hashlib
 import os
 import shutil
+import signal
 import stat
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -101,6 +103,19 @@ def _jit_options(function: Any) -> dict[str, Any]:
     }
 
 
+def jit_threaded(function: Any) -> Any:
+    """Decorator of a function that lets other threads of Python run beside it; it is compiled by `compile_once`."""
+    return numba.njit(nogil=True, **_jit_options(function))(function)
+
+
+def compile_once(function: Any, signature: Callable[[], Any]) -> None:
+    """Compile a decorated function, unless it is, for one signature and no other; it is asked for where it is needed."""
+    if not function.overloads:
+        with _announced(function.__name__):
+            function.compile(signature())
+            function.disable_compile()
+
+
 def jit_inline(function: Any) -> Any:
     """Decorator of a part of one or two compiled functions, which Numba writes into them, as a call takes time."""
     return numba.njit(inline="always", **_jit_options(function))(function)
@@ -118,6 +133,26 @@ def last_use(*arrays: Any) -> None:
     References to an array that is last used in a branch are counted, which took a quarter of a run; to one that is used at
     the end they are not.
     """
+
+
+@contextmanager
+def signals_afterwards() -> Iterator[list[int]]:
+    """Signals that Python handles are handled at the end; the list has those that came. In compiled code, or in CasADi's, an
+    exception that a handler raises can turn up as another, or nowhere."""
+    came: list[int] = []
+    handlers = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if callable(handler := signal.getsignal(number)):
+                handlers[number] = handler
+                signal.signal(number, lambda signum, _: came.append(signum))
+    try:
+        yield came
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for signum in came[:1]:
+            signal.raise_signal(signum)
 
 
 @contextmanager

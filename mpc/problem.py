@@ -23,10 +23,7 @@ CasADi is imported where a solver is built: it takes longer to import than a run
 """
 
 import io
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr
+from contextlib import redirect_stderr
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import SimpleNamespace
@@ -36,6 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alloc import backends
+from alloc.compilation import signals_afterwards
 from alloc.onboard.columns import ONE
 from alloc.schema.errors import InputError
 from alloc.schema.tables import Column, Rows, Table
@@ -105,7 +103,7 @@ class Problem:
 
     def __post_init__(self) -> None:
         u, w, couplers = self.units, self.weights, read_array(self.couplers)
-        rows = isinstance(u, np.recarray) and u.ndim == 1 and u.dtype == BELIEVED.dtype
+        rows = isinstance(u, np.ndarray) and u.ndim == 1 and u.dtype == BELIEVED.dtype
         prices = isinstance(w, Weights) and all(is_number(price, 0.0) for price in w)
         wide = couplers.ndim == 2 and couplers.shape[1:] in ((np.size(u),), (0,))
         for name, fits, need in (
@@ -120,6 +118,7 @@ class Problem:
                 text = " ".join(repr(getattr(self, name)).split())  # arrays have lines
                 raise InputError(f"{name} = {text:.80}: give {need}")
         object.__setattr__(self, "couplers", couplers)
+        object.__setattr__(self, "units", BELIEVED.rows_in(u))
         values = self.rows
         wrong = ~((values >= LEAST) & (values <= MOST))
         if self.curve == "rational":  # of another elasticity there is no such curve
@@ -186,7 +185,7 @@ def solve(problem: Problem, solver: str = "daqp") -> Plan:
     rows[LIMIT] = np.minimum(rows[LIMIT], MOST_SLIP)
     numbers = [problem.period, *problem.weights]
     # of a solver that fails CasADi would print all arguments
-    with interrupted_afterwards(), redirect_stderr(io.StringIO()):
+    with signals_afterwards(), redirect_stderr(io.StringIO()):
         try:
             results = [np.asarray(part) for part in function(rows, numbers, problem.couplers)]
         except RuntimeError:  # CasADi's answer to a solver that fails
@@ -320,19 +319,3 @@ def build_solver(
     arguments = [opti.x, dual, rows, numbers, tension]
     judge = cs.Function("judge", arguments, [u, cs.horzcat(*slips), cost, residual]).expand()
     return opti.to_function("problem", arguments[2:], judge.call(arguments))
-
-
-@contextmanager
-def interrupted_afterwards() -> Iterator[None]:
-    """Ctrl-C waits for the end of a solve: CasADi takes the exception for a failure of the solver, or loses it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, handler)
-        if came:
-            signal.raise_signal(signal.SIGINT)

@@ -9,8 +9,6 @@ comparing.
 import math
 from typing import Any
 
-import numpy as np
-
 from alloc.compilation import jit
 from alloc.onboard.columns import NAN, ONE
 from alloc.onboard.controllers import CONTROLLERS, register
@@ -113,7 +111,7 @@ def mpc_opti(unit, axles, memory, run):
     m = memory.view(ROW)[0]
     solved, n = pose_problem(unit, axles, m, run), int(m.horizon)
     if solved:
-        rows = m.problem.view(PROBLEM_ROW).view(np.recarray)
+        rows = BELIEVED.rows_in(m.problem)
         weights = Weights(float(m.change_weight), float(m.slip_weight))
         solution = solve(Problem(rows, float(run.period), n, weights=weights))
         solved = solution.solved

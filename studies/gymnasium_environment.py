@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
-from alloc.run.simulation import Simulation
+from alloc.run.simulation import ADVANCE, COMMAND, Simulation
 from studies import StudyError
 from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario
@@ -109,12 +109,7 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         self._plan = world.command * world.cars.mass.sum()
         self._played: list[Floats] = []
         self._ended = False
-        self._set_torques()
-
-    def _set_torques(self) -> None:
-        """Targets of the next instant, and what the controller `others` would command there."""
-        self.simulation.plan_instant()
-        self.simulation.command_units()
+        self.simulation.run_to(COMMAND)  # as the controller `others` would
 
     def _run_period(self, shares: Floats) -> None:
         """Command these shares, and run to the next control instant."""
@@ -122,10 +117,8 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         for j, share in zip(self.units, shares.tolist(), strict=True):
             row = self.simulation.world.units[j]
             row.torque_command = share * row.torque_target
-        self.simulation.finish_instant()
-        self._ended = self.simulation.tick == self.simulation.ticks
-        if not self._ended:
-            self._set_torques()
+        self._ended = len(self._played) == self.simulation.ticks
+        self.simulation.run_to(ADVANCE if self._ended else COMMAND)
 
     def _observe_units(self) -> tuple[Floats, dict[str, Any]]:
         """Observation and what is said beside it; at the end of the event with the readings of its last period."""

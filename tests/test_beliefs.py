@@ -19,7 +19,7 @@ class Train:
         self.units = UNIT.rows(n, delivered=PLAN, load=1e5, turning=0.05, drive_limit=2e3)
         self.units.increment = 0.002 * np.arange(n) ** 2
         self.run = RUN.rows(1, plan=PLAN, needed=PLAN, driver_command=0.8, **run)[0]
-        self.reports = np.zeros((1000, n), UNIT.recorded).view(np.recarray)
+        self.reports = UNIT.record(1000, n)
         self.report_tick, self.tick, self.late = np.zeros((1000, n), int), tick, late
 
     def go(self, name, **reports):

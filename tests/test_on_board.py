@@ -14,7 +14,7 @@ from alloc.onboard.columns import AXLE, BRAKE, NEVER, ONBOARD, RUN, SLIDE, UNIT
 from alloc.plant import dynamics
 from alloc.plant.columns import CAR, CYLINDER, DRIVE, PLANT, WHEELSET
 from alloc.run import wire
-from alloc.run.simulation import Simulation
+from alloc.run.simulation import ADVANCE, Simulation
 from alloc.schema.tables import memory_words
 from studies.files.scenario_files import load_scenario
 
@@ -56,7 +56,7 @@ def board(seed=0, **run):
         "braking": 1,
     }
     speeds = {"reference_speed": 20.0, "before": 20.1}
-    said = np.zeros((50, 2), UNIT.recorded).view(np.recarray)
+    said = UNIT.record(50, 2)
     said.delivered, said.limited, said.wanted = rng.uniform(0.05, 0.1, (3, 50, 2))
     y = [50.0, 20.0, *rng.uniform(40.0, 50.0, 6), -900.0, -700.0, 1e5, 2e5, 3e5, *np.zeros(10)]
     sent, table = np.tile([[40, 30]], (50, 1)), np.linspace(9e3, 1e3, 200) * np.ones((2, 1))
@@ -104,9 +104,7 @@ WIRED = [
 def test_the_wire_compiled_is_the_python_that_it_is_written_in(name):
     run, found = Simulation(load_scenario("jp4209318-stop").event(1), "alone", "none"), []
     for _ in range(60):
-        run.plan_instant()
-        run.command_units()
-        run.finish_instant()
+        run.run_to(ADVANCE)
     for function in (getattr(wire, name), getattr(wire, name).py_func):
         w = deepcopy(run.world)._asdict()
         rows = {key: w[key][0] for key in ("plant", "onboard", "run", "noise")}
@@ -304,7 +302,7 @@ def test_jitter_and_loss_are_as_often_as_asked_and_both_ways_are_drawn():
 
 def test_orders_count_when_they_have_arrived_and_silence_ends_them():
     units = UNIT.rows(4, wanted=[0.11, 0.12, 0.13, math.inf])
-    orders = np.zeros((200, 4), UNIT.recorded).view(np.recarray)
+    orders = UNIT.record(200, 4)
     orders.wanted = 0.05 + 1e-3 * np.arange(200)[:, None] + 0.001 * np.arange(4)
     told, onboard, run = np.tile([[150, 140, 39, 150]], (200, 1)), ONBOARD.rows(1)[0], RUN.rows(1, plan=0.2)[0]  # fmt: skip
     telegrams.set_limits(150, units, told, orders, onboard, run)

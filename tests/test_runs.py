@@ -16,7 +16,7 @@ from alloc.plant.trains import find_train
 from alloc.rules import RULES
 from alloc.run.event import DriverCommand, Event
 from alloc.run.recording import load, save
-from alloc.run.simulation import Simulation, simulate
+from alloc.run.simulation import ADVANCE, COMMAND, PLAN, Simulation, simulate
 from alloc.schema.errors import InputError
 from studies.files.scenario_files import load_scenario
 
@@ -124,9 +124,8 @@ def test_a_rarer_record_is_the_same_run():
 def test_stopping_between_instants_changes_nothing():
     run = Simulation(event(duration=2.0), "cooperative", "cut-and-ramp")
     while run.tick < 100:
-        run.plan_instant()
-        run.command_units()
-        run.finish_instant()
+        for step in (PLAN, COMMAND, ADVANCE):
+            run.run_to(step)
     run.run_to_end()
     whole = simulate(event(duration=2.0), "cooperative", "cut-and-ramp")
     np.testing.assert_array_equal(run.recorded()["rim_speed"].values, whole["rim_speed"].values)

@@ -198,6 +198,7 @@ RUN = Table(
     answered=Column(NAN, ONE, "plan to which the last allocation answers"),
     asked=Column(0, ONE, "how often the rule was asked"),
     rule_faults=Column(0, ONE, "calls in which the rule's solver failed"),
+    stopped=Column(0, ONE, "whether a part in plain Python has raised an error"),
     rule_gap=Column(NAN, ONE, "largest distance of its answers from the certified ones, over the plan; nan: none"),
 )
 

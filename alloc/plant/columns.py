@@ -73,6 +73,7 @@ DRIVE = Table(
     axles=Column(4, ONE, "number of its axles"),
     gear=Column(7.0, ONE, "gear ratio"),
     radius=Column(0.43, "m", "wheel radius"),
+    inertia=Column(100.0, "kg m2", "mean inertia of its wheelsets"),
     applied=Column(0.0, "N m", "torque command to each motor, positive driving"),
 )
 

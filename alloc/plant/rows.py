@@ -75,7 +75,7 @@ def rows_of_train(train: Train) -> PlantRows:
         greatest = limits[:, j].max()
         drives[j].lag, drives[j].slip_torque = motors.torque_lag, motors.slip_torque(greatest)
         drives[j].axles, drives[j].gear = inside.size, motors.gear_ratio
-        drives[j].radius = vehicle.wheel_radius
+        drives[j].radius, drives[j].inertia = vehicle.wheel_radius, wheelsets.inertia[inside].mean()
         wheelsets.gear[inside], wheelsets.unit[inside] = motors.gear_ratio, j
     groups: list[tuple[Any, int, NDArray[np.int64]]] = [
         (vehicle, bogie, k + np.flatnonzero(np.equal(vehicle.bogie_of_axle, bogie)))

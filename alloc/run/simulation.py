@@ -1,33 +1,24 @@
 """One slip event under a rule and a readhesion controller.
 
 In: an `Event`, a rule, a controller, by name or as objects. Out: the recorded run, an `xarray.Dataset` (see
-`alloc.run.recording`). The loop is compiled where rule and controller are; else the same pieces are called from Python once
-a control period.
+`alloc.run.recording`). The loop is compiled, and compiled once: it calls belief, rule and controller as first-class
+functions, and those in plain Python through `alloc.run.serving`.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numba import boolean, int64, typeof, void
-from numba.extending import register_jitable
 
-from alloc.compilation import jit, jit_inline
+from alloc.compilation import compile_once, jit_inline, jit_threaded
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.reference_speed import ease_units
 from alloc.onboard.sensing import report_units, sense_train
-from alloc.onboard.signatures import (
-    BELIEF,
-    BELIEF_TYPE,
-    CONTROL,
-    CONTROL_TYPE,
-    SHARE,
-    SHARE_TYPE,
-    are_compiled,
-)
+from alloc.onboard.signatures import BELIEF_TYPE, CONTROL_TYPE, SHARE_TYPE
 from alloc.onboard.slide_protection import protect_wheels
 from alloc.onboard.targets import (
     ask_brakes,
@@ -43,8 +34,9 @@ from alloc.rules.baselines import find_case
 from alloc.rules.problem import ROUNDING
 from alloc.run import wire
 from alloc.run.event import Event
-from alloc.run.recording import make_dataset, make_room
-from alloc.run.world import TRUE
+from alloc.run.recording import Recording, make_dataset, make_room
+from alloc.run.serving import Parts
+from alloc.run.world import TRUE, World
 from alloc.schema.errors import SimulationError, blamed_on
 from alloc.schema.registry import find_part
 
@@ -62,10 +54,15 @@ def simulate(
     return run.recorded()
 
 
-class Simulation:
-    """A run that can be stopped between control instants.
+READ, PLAN, COMMAND, BRAKE, ADVANCE = range(5)
+"""Steps of a control instant: readings; belief, rule and targets; the controllers' torques; brakes; the plant's period."""
+STEPS = 5
 
-    `run_to_end`, or instant by instant: `plan_instant`, `command_units` or torques of another, `finish_instant`.
+
+class Simulation:
+    """A run that can be stopped between the steps of its control instants.
+
+    `run_to_end`, or step by step: `run_to(PLAN)`, `run_to(COMMAND)` or torques of another, `run_to(ADVANCE)`.
     """
 
     def __init__(self, event: Event, rule: str | Rule, controller: str | Controller) -> None:
@@ -89,56 +86,33 @@ class Simulation:
             world.order_tick[:] = np.arange(world.command.size)[:, None]
         self.world = world._replace(memory=self.controller.rows(world.units.size))
         self.recording = make_room(self.world)
-        self.tick, self.wall_time = 0, 0.0
+        self._parts = Parts(
+            self.rule.belief, self.rule, self.controller, self.world, self.recording
+        )
+        self._step, self.wall_time = 0, 0.0
 
     @property
     def ticks(self) -> int:
         """Number of control instants."""
         return int(self.world.command.size)
 
+    @property
+    def tick(self) -> int:
+        """Number of control instants that have ended."""
+        return self._step // STEPS
+
     def run_to_end(self) -> None:
         """Run to the end, from where the run is."""
-        started = time.perf_counter()
-        parts: Any = (
-            (f"belief {self.rule.belief.name!r}", self.rule.belief.function, BELIEF),
-            (f"rule {self.rule.name!r}", self.rule.share, SHARE),
-            (f"controller {self.controller.name!r}", self.controller.control, CONTROL),
-        )
-        functions = [
-            function if are_compiled(function) else blamed_on(name, function)(function)
-            for name, function, _ in parts
-        ]
-        if are_compiled(*functions):
-            for name, function, signature in parts:
-                with blamed_on(name, function):
-                    function.compile(signature)
-            loop = compiled_instants(typeof(self.world), typeof(self.recording))
-            loop(*functions, self.knows, self.tick, self.world, self.recording)
-        else:
-            in_python: Any = run_instants
-            # as compiled code has it
-            with np.errstate(all="ignore"), blamed_on(f"{parts[1][0]} or {parts[2][0]}"):
-                in_python(*functions, self.knows, self.tick, self.world, self.recording)
+        self._run_until(self.ticks * STEPS)
         limits, period = self.recording.units.wanted, self.event.onboard.period
         with blamed_on(f"rule {self.rule.name!r}", self.rule.share):
             for k, j in np.argwhere(~(limits >= -ROUNDING))[:1]:
                 raise SimulationError(f"limit[{j}] is {limits[k, j]:.6g} at {k * period:g} s")
-        self.tick = self.ticks
-        self.wall_time += time.perf_counter() - started
 
-    def plan_instant(self) -> None:
-        """Go to the next instant's targets: readings, belief, rule, limits."""
-        self._read_inputs()
-        self._set_targets()
-
-    def command_units(self) -> None:
-        """Have the controller command torques for these targets, in `world.units.torque_command`."""
-        command_units(self.controller.control, self.world)
-
-    def finish_instant(self) -> None:
-        """Go to the next instant with the torques that `world.units.torque_command` has."""
-        command_brakes(self.tick, self.world)
-        self._record_and_advance()
+    def run_to(self, step: int) -> None:
+        """Run until the next such step is made: `READ`, `PLAN`, `COMMAND` into `world.units.torque_command`, `BRAKE`,
+        `ADVANCE`."""
+        self._run_until(self._step + (step - self._step) % STEPS + 1)
 
     def run_blind(self) -> None:
         """Run to the end with all that is true nan between `wire.read` and `wire.apply`.
@@ -147,33 +121,24 @@ class Simulation:
         """
         truth = [getattr(self.world, name) for name in TRUE]
         while self.tick < self.ticks:
-            self._read_inputs()
+            self.run_to(READ)
             hidden = [table.copy() for table in truth]
             for table in truth:
                 for column in table.dtype.names or (...,):
                     table[column] = np.nan if table[column].dtype.kind == "f" else 0
-            with np.errstate(all="ignore"):
-                self._set_targets()
-                self.command_units()
-                command_brakes(self.tick, self.world)
+            self.run_to(BRAKE)
             for table, values in zip(truth, hidden, strict=True):
                 table[...] = values
-            self._record_and_advance()
+            self.run_to(ADVANCE)
 
-    def _read_inputs(self) -> None:
-        read_inputs(self.tick, self.world)
-        if self.knows:
-            tell_oracle(self.world)
-
-    def _set_targets(self) -> None:
-        belief, share = self.rule.belief.function, self.rule.share
-        sense_instant(self.tick, self.world)
-        call_rule(belief, share, self.tick, self.world, self.recording)
-        set_instant_targets(self.tick, self.world, self.recording)
-
-    def _record_and_advance(self) -> None:
-        record_and_advance(self.tick, self.world, self.recording)
-        self.tick += 1
+    def _run_until(self, last: int) -> None:
+        started = time.perf_counter()
+        with self._parts.serving():
+            run_loop(
+                self._parts.functions, self.knows, self._step, last, self.world, self.recording
+            )
+        self._step = last
+        self.wall_time += time.perf_counter() - started
 
     def recorded(self) -> xr.Dataset:
         """The run up to here; raises `UnsoundRun` where its state is no number."""
@@ -183,7 +148,19 @@ class Simulation:
         )
 
 
-# An instant, in its order. Each piece is inlined in the loop, and compiled by itself where Python calls it.
+def run_loop(
+    functions: Sequence[Any], knows: bool, first: int, last: int, w: World, recording: Recording
+) -> None:
+    """Steps `first` to `last` of a run, `STEPS` an instant, with compiled belief, rule and controller.
+
+    The loop calls them by their addresses, so it is compiled once for all of them; a world has the types of any other.
+    """
+    kinds = BELIEF_TYPE, SHARE_TYPE, CONTROL_TYPE, boolean, int64, int64
+    compile_once(run_steps, lambda: void(*kinds, typeof(w), typeof(recording)))
+    run_steps(*functions, knows, first, last, w, recording)
+
+
+# An instant, in its order. Each piece is inlined in the loop.
 #
 # Arrays are handed on one by one. A world handed down would be shorter to write, but compiled code counts references to each
 # of its arrays at every call, which made a run a fifth slower.
@@ -260,7 +237,7 @@ def command_brakes(k, w):
 def record_and_advance(k, w, recording):
     """Commands go to the plant; the instant as it is recorded; a control period under these commands."""
     plant, run = w.plant[0], w.run[0]
-    wire.apply(w.wheelsets, w.drives, w.cylinders, plant, w.units, w.brakes, run)
+    wire.apply(w.drives, w.cylinders, plant, w.units, w.brakes, run)
     derivative(
         run.time, w.state, w.stages[0], w.wheelsets, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort,
         w.retard, w.curve, w.scatter, plant,
@@ -279,11 +256,7 @@ def record_and_advance(k, w, recording):
     )  # fmt: skip
 
 
-# Both may be called from Python, with parts in Python, and from the compiled loop. A function that calls several pieces is
-# compiled beside the loop: each such layer took 2 s of 25.
-
-
-@register_jitable(inline="always")
+@jit_inline
 def call_rule(belief, share, k, w, recording):
     """What the leader believes, and where it asks its rule, the limits that it orders."""
     run = w.run[0]
@@ -295,7 +268,7 @@ def call_rule(belief, share, k, w, recording):
             run.case = find_case(w.units, run)
 
 
-@register_jitable(inline="always")
+@jit_inline
 def command_units(control, w):
     """What the readhesion controller of each unit commands."""
     axles, units, memory, run = w.axles, w.units, w.memory, w.run[0]
@@ -303,24 +276,25 @@ def command_units(control, w):
         control(units[j], axles[units[j].first : units[j].last], memory[j], run)
 
 
-def run_instants(belief, share, control, knows, first, w, recording):
-    """All instants from `first` on."""
-    for k in range(first, w.command.size):
-        read_inputs(k, w)
-        if knows:
-            tell_oracle(w)
-        sense_instant(k, w)
-        call_rule(belief, share, k, w, recording)
-        set_instant_targets(k, w, recording)
-        command_units(control, w)
-        command_brakes(k, w)
-        record_and_advance(k, w, recording)
-
-
-@cache
-def compiled_instants(*kinds: Any) -> Any:
-    """`run_instants` for compiled parts, which it calls by their addresses, so it is compiled once for all of them.
-
-    `kinds`: Numba's types of a world and a recording, which are those of any other.
-    """
-    return jit(void(BELIEF_TYPE, SHARE_TYPE, CONTROL_TYPE, boolean, int64, *kinds))(run_instants)
+@jit_threaded
+def run_steps(belief, share, control, knows, first, last, w, recording):
+    """Steps `first` to `last`, until a part in Python has raised an error."""
+    run = w.run[0]
+    for n in range(first, last):
+        k, step = n // STEPS, n % STEPS
+        if step == READ:
+            read_inputs(k, w)
+            if knows:
+                tell_oracle(w)
+        elif step == PLAN:
+            sense_instant(k, w)
+            call_rule(belief, share, k, w, recording)
+            set_instant_targets(k, w, recording)
+        elif step == COMMAND:
+            command_units(control, w)
+        elif step == BRAKE:
+            command_brakes(k, w)
+        else:
+            record_and_advance(k, w, recording)
+        if run.stopped == 1:
+            break

@@ -7,7 +7,7 @@ they tell the oracle what no train can know, and no other rule.
 import math
 
 from alloc.backends import compiled as law
-from alloc.compilation import jit
+from alloc.compilation import jit, last_use
 from alloc.onboard.sensing import NOTICED, ROUNDING
 from alloc.plant.curves import top
 from alloc.plant.dynamics import derivative, state_places
@@ -40,6 +40,7 @@ def read(y, noise, wheelsets, cars, drives, cylinders, plant, axles, units, brak
                 a.signal = math.floor(a.signal / quantum + 0.5) * quantum
         elif a.unit >= 0:  # its motors' inverter has the speed roughly
             units[a.unit].unseen += rim
+    last_use(y, noise, wheelsets, cars, drives, cylinders, axles, units, brakes)
 
 
 @jit
@@ -50,7 +51,7 @@ def has_signal(wheelset, time):
 
 
 @jit
-def apply(wheelsets, drives, cylinders, plant, units, brakes, run):
+def apply(drives, cylinders, plant, units, brakes, run):
     """Commands of an instant: torques and pressures; and the plan by the true masses, which metrics judge by."""
     for j in range(drives.size):
         drives[j].applied = units[j].applied
@@ -114,6 +115,6 @@ def tell_limits(
                 brakes[a.brake].most = min(brakes[a.brake].most, carried)
     for j in range(units.size):  # a part turns the wheelsets, as the train goes, not as planned
         u = units[j]
-        turning = u.inertia / u.radius**2 * run.sign * plant.acceleration
+        turning = drives[j].inertia / u.radius**2 * run.sign * plant.acceleration
         share = 1.0 + (u.brake_turning if run.braking else u.turning)
         u.truth = max(u.truth + turning, 0.0) / (share * u.load)

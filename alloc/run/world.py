@@ -227,6 +227,12 @@ def believed_train(
     blends = int(cylinders.size > 0 and (onboard.braking.blended or drives.size == 0))
     plans = planned_coefficients(wheelsets, inertia, load, mass.sum(), within, blends)
     turning = GRAVITY * inertia / wheelsets.radius**2 * within
+
+    def load_and_turning(members: NDArray[np.int64]) -> tuple[float, float]:
+        """Mean load of some axles, and what turns them at 1 m/s2 over it."""
+        mean = load[members].mean()
+        return mean, turning[members].mean() / (GRAVITY * mean)
+
     grown = np.asarray(belief.increments or np.zeros(wheelsets.size))
     units = UNIT.rows(
         drives.size,
@@ -239,8 +245,7 @@ def believed_train(
     for j, unit in enumerate(units):
         members = np.flatnonzero(wheelsets.unit == j)
         unit.first, unit.last = members[0], members[-1] + 1
-        unit.load = load[members].mean()
-        share = turning[members].mean() / (GRAVITY * unit.load)
+        unit.load, share = load_and_turning(members)
         unit.turning, unit.brake_turning = share / plans["planned"], share / plans["brake_planned"]
         unit.radius, unit.inertia = axles.radius[members].mean(), inertia[members].mean()
         unit.increment = grown[members].mean()
@@ -260,8 +265,7 @@ def believed_train(
     for g, brake in enumerate(brakes):
         members = np.flatnonzero(wheelsets.brake == g)
         brake.unit, brake.axles = wheelsets.unit[members].max(), members.size
-        brake.load = load[members].mean()
-        share = turning[members].mean() / (GRAVITY * brake.load)
+        brake.load, share = load_and_turning(members)
         brake.turning = share / plans["brake_planned"]
         brake.share = 1.0 if shares is None else shares[wheelsets.car[members[0]]]
     factor = belief.resistance_factor

@@ -7,6 +7,7 @@ Rows are read by name everywhere: `units[j].limit` in compiled and in plain code
 import math
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields
+from operator import itemgetter
 from typing import Any, ClassVar
 from weakref import WeakSet
 
@@ -20,7 +21,7 @@ from alloc.schema.units import UNITS
 
 INF, NAN, ONE = math.inf, math.nan, "1"
 Rows = Any
-"""A `numpy.recarray` of a table; a row's columns are attributes of it."""
+"""An array of rows of a table. Its columns are attributes of it, and of each row."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Table:
     def __init__(self, name: str, **columns: Column) -> None:
         self.every.add(self)
         for key in columns:
-            if hasattr(np.record, key):
+            if hasattr(np.void, key):
                 raise TypeError(f"{name}: no column can be called {key}; rows have that attribute")
         self.name = name
         self.columns = dict(sorted(columns.items(), key=lambda item: not item[1].recorded))
@@ -60,8 +61,8 @@ class Table:
             for key, item in self.columns.items()
         ]
         recorded = [item for item in fields if columns[item[0]].recorded]
-        self.dtype: Any = np.dtype((np.record, fields))
-        self.recorded: Any = np.dtype((np.record, recorded))
+        self.dtype, self._rows = _make_types(name, fields)
+        self.recorded, self._record = _make_types(name, recorded)
         self.row, self.recorded_row = from_dtype(self.dtype), from_dtype(self.recorded)
         self.type = self.row[::1]
 
@@ -69,7 +70,7 @@ class Table:
         """`n` rows with these values, the others as declared; raises `TypeError` for an unknown column."""
         if unknown := [key for key in values if key not in self.columns]:
             raise TypeError(f"{self.name}: no column {', '.join(unknown)}")
-        rows: Any = np.recarray(n, self.dtype)
+        rows: Any = np.empty(n, self.dtype).view(self._rows)
         for key, column in self.columns.items():
             rows[key] = values.get(key, column.default)
         return rows
@@ -83,7 +84,32 @@ class Table:
 
     def record(self, ticks: int, n: int) -> Rows:
         """Room for what is recorded of `n` rows at every instant, (ticks, n)."""
-        return np.zeros((ticks, n), self.recorded).view(np.recarray)
+        return np.zeros((ticks, n), self.recorded).view(self._record)
+
+    def rows_in(self, memory: NDArray[np.float64]) -> Rows:
+        """The rows that lie in some memory."""
+        return memory.view(self.dtype).view(self._rows)
+
+
+def _make_types(name: str, fields: Sequence[Any]) -> tuple[Any, Any]:
+    """The type of a row as NumPy has it, and the type of arrays of them.
+
+    NumPy's own records have attributes too: to read one takes ten times as long, and to set one that is no column is no
+    error.
+    """
+
+    def attributes(read: Any) -> dict[str, Any]:
+        def attribute(key: str) -> property:
+            def write(rows: Any, value: Any) -> None:
+                rows[key] = value
+
+            return property(read(key), write)
+
+        return {"__slots__": ()} | {key: attribute(key) for key, *_ in fields}
+
+    row = type(f"{name} row", (np.void,), attributes(itemgetter))
+    rows = attributes(lambda key: lambda rows: np.asarray(rows)[key])
+    return np.dtype((row, fields)), type(f"{name} rows", (np.ndarray,), rows)
 
 
 def columns_of(kind: type, *names: str, prefix: str = "") -> dict[str, Column]:

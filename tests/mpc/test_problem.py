@@ -174,7 +174,7 @@ def test_slips_and_cost_are_those_of_the_torques():
     rng = np.random.default_rng(6)
     for _ in range(50):
         u, w, n = believed(rng)[0], weights(rng), 12
-        found = solve(Problem(u.reshape(1).view(np.recarray), PERIOD, n, weights=w))
+        found = solve(Problem(u.reshape(1), PERIOD, n, weights=w))
         (free, answer), own = matrices(u, n), found.torques[0] / torque_scale(u)
         assert found.slips[0] / SLIP == pytest.approx(free + answer @ own, abs=1e-9)
         over = np.maximum(found.slips[0] - u.limit, 0.0) / SLIP
@@ -208,7 +208,7 @@ def test_a_unit_of_another_size_is_the_same():
 
 
 def test_units_replace_each_other():
-    u = believed(np.random.default_rng(9)).repeat(2).view(np.recarray)
+    u = believed(np.random.default_rng(9)).repeat(2)
     u.share, u.slip, u.limit, u.elasticity, u.lag = 0.5, 0.01, 5.0, 0.5, 0.005
     u.torque = u.before = u.target = torque_scale(u)
     u.upper = [0.4 * u.target[0], 3.0 * u.target[0]]
@@ -217,7 +217,7 @@ def test_units_replace_each_other():
 
 
 def test_a_price_of_tensions_lowers_them():
-    u = believed(np.random.default_rng(10)).repeat(2).view(np.recarray)
+    u = believed(np.random.default_rng(10)).repeat(2)
     u.share, u.slip, u.limit, u.air = 0.5, 0.01, 5.0, 0.0
     u.torque = u.before = [torque_scale(u)[0], 0.0]
     u.target = u.upper = torque_scale(u)[0]
