@@ -7,6 +7,7 @@ coefficients are magnitudes in the direction of the demand; arrays are (n,), uni
 """
 
 import math
+import sys
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -66,11 +67,11 @@ class AllocationProblem:
         """Coefficient that the train needs of its units in the mean, the patent's Mu_z; > 0."""
         self.plan = self.expected if plan is None else check_number("plan", plan)
         """What the driver asks of every unit, where `expected` makes up for trailers too. Else: `expected`."""
-        self.mass = check_coefficients("mass", mass, n, np.ones(n))
+        self.mass = check_coefficients("mass", mass, n, 1.0)
         """Mass on the axles of each unit, in any unit, > 0. Else: equal."""
-        self.limit_max = check_coefficients("limit_max", limit_max, n, np.full(n, math.inf))
+        self.limit_max = check_coefficients("limit_max", limit_max, n, math.inf)
         """Torque limit as a coefficient. Else: none."""
-        self.previous = check_coefficients("previous", previous, n, np.full(n, self.expected))
+        self.previous = check_coefficients("previous", previous, n, self.expected)
         """Limits in force. Else: `expected`."""
         rate = math.inf if rate is None else rate
         self.rate = check_number("rate", rate, zero=True, most=math.inf)
@@ -78,11 +79,11 @@ class AllocationProblem:
         carried = np.minimum(self.previous, self.cap)
         self.delivered = check_coefficients("delivered", delivered, n, carried)
         """What each unit delivers now. Else: what the caps carry of `previous`."""
-        self.searching = check_coefficients("searching", searching, n, np.zeros(n))
+        self.searching = check_coefficients("searching", searching, n, 0.0)
         """1 for each unit that is limited now. Else: none is."""
         self.truth = check_coefficients("truth", truth, n, self.cap)
         """What the rail truly carries, for `oracle` alone. Else: the caps."""
-        self.deviation = check_coefficients("deviation", deviation, n, np.zeros(n))
+        self.deviation = check_coefficients("deviation", deviation, n, 0.0)
         """Standard deviation of each cap about the truth, read by `qp-robust`. Else: 0."""
         self.mark = check_coefficients("mark", mark, n, self.cap)
         """What each unit has shown to carry, read by `cooperative` and `wear`. Else: the caps."""
@@ -108,16 +109,22 @@ class AllocationProblem:
         return self.mass / np.clip(self.mark, LEAST_MARK, best)
 
     @cached_property
+    def _total(self) -> float:
+        return float(self.mass.sum())
+
+    def mean(self, values: Floats) -> float:
+        """Mean of (n,) values, weighted with mass."""
+        return float((values * self.mass).sum()) / self._total
+
+    @cached_property
     def surplus(self) -> float:
         """How far the upper bounds are above `expected` in the mean, relative to it; case B where it is positive."""
-        return float(np.average(self.upper / self.expected - 1.0, weights=self.mass))
+        return self.mean(self.upper / self.expected - 1.0)
 
     @cached_property
     def attainable(self) -> float:
         """The mean limit that the bounds allow, weighted with mass, nearest to `expected`."""
-        least = float(np.average(self.lower, weights=self.mass))
-        most = float(np.average(self.upper, weights=self.mass))
-        return min(max(self.expected, least), most)
+        return min(max(self.expected, self.mean(self.lower)), self.mean(self.upper))
 
     def __repr__(self) -> str:
         fields = (f"{key}={np.asarray(value).tolist()}" for key, value in self.fields.items())
@@ -137,20 +144,22 @@ def check_number(name: str, value: Any, zero: bool = False, most: float = MOST_E
 
 
 def check_coefficients(
-    name: str, values: ArrayLike | None, n: int | None, default: Floats | None = None
+    name: str, values: ArrayLike | None, n: int | None, default: Floats | float = 0.0
 ) -> Floats:
     """A read-only copy of `values`, (n,), or of the default; raises `AllocationError` where it is none."""
+    if values is None and n is not None:
+        values = np.full(n, default)
     try:
-        array = np.array(default if values is None else values, dtype=float)
+        array = np.array(values, dtype=float)
     except (TypeError, ValueError):
         raise AllocationError(f"{name} = {values!r} must be an array of numbers") from None
     if (array.ndim != 1 or array.size == 0) if n is None else array.shape != (n,):
         wanted = "(n,) with n >= 1, one per unit" if n is None else f"({n},) as cap has"
         raise AllocationError(f"{name} has shape {array.shape}, must be {wanted}")
-    most = math.inf if name in _MAY_BE_INFINITE else np.finfo(float).max
-    wrong = ~((array >= 0.0) & (array <= most)) | ((name == "mass") & (array == 0.0))
-    if wrong.any():
-        j = int(np.argmax(wrong))
+    least = 5e-324 if name == "mass" else 0.0
+    most = math.inf if name in _MAY_BE_INFINITE else sys.float_info.max
+    if not (array.min() >= least and array.max() <= most):
+        j = int(np.argmin((array >= least) & (array <= most)))
         bound = "above 0" if name == "mass" else "0 or greater"
         kind = "" if most == math.inf else "finite and "
         raise AllocationError(f"{name}[{j}] = {array[j]} must be {kind}{bound}")
@@ -184,11 +193,11 @@ class Allocation:
 
     def effort(self, problem: AllocationProblem) -> float:
         """Mean limit weighted with mass: what the train would deliver if every unit reached its limit."""
-        return float(np.average(self.limit, weights=problem.mass))
+        return problem.mean(self.limit)
 
     def usable(self, problem: AllocationProblem) -> float:
         """The same of min(limit, cap): what it would deliver if the caps were true."""
-        return float(np.average(np.minimum(self.limit, problem.cap), weights=problem.mass))
+        return problem.mean(np.minimum(self.limit, problem.cap))
 
 
 def check_limits(problem: AllocationProblem, limit: ArrayLike) -> Floats:
@@ -201,6 +210,8 @@ def check_limits(problem: AllocationProblem, limit: ArrayLike) -> Floats:
         answer = f"an array of shape {x.shape}" if x.ndim else f"{limit!r:.60}"
         advice = f"return one limit per unit, real numbers, here ({problem.n},)"
         raise AllocationError(f"answer returned {answer}; {advice}")
+    if x.min() >= 0.0:
+        return x
     x[(x < 0.0) & (x >= -ROUNDING * problem.expected)] = 0.0
     for j in np.flatnonzero(~(x >= 0.0))[:1]:
         advice = "; clip limits to problem.lower, problem.upper" if x[j] < 0.0 else ", no number"
@@ -218,7 +229,7 @@ def allocated(
     """The answer with `limit` to `problem`, the rest filled in; raises `AllocationError` for limits that are none."""
     x = np.minimum(check_limits(problem, limit), problem.limit_max)
     x.flags.writeable = False
-    short = 1.0 - float(np.average(x, weights=problem.mass)) / problem.expected
+    short = 1.0 - problem.mean(x) / problem.expected
     unmet = problem.expected * short if short > ROUNDING else 0.0
     case = case or CASES[2 if problem.surplus > ROUNDING else 1]
     return Allocation(x, float(level), case, unmet, **more)
@@ -269,7 +280,7 @@ def optimality(
     wrong = np.where(at_upper, excess, -excess)
     distance = np.where(at_upper, np.abs(upper - x), np.abs(x - lower))
     slack = np.where(free, 0.0, np.minimum(distance, np.abs(excess)))
-    missed = abs(float(np.average(x, weights=problem.mass)) - problem.attainable)
+    missed = abs(problem.mean(x) - problem.attainable)
 
     def largest(values: Floats) -> float:
         return float(values.max(initial=0.0))

@@ -29,7 +29,7 @@ workspace answers one call at a time."""
 
 def status_without_solver(problem: AllocationProblem) -> str:
     """Why the exact answer needs no solver: "ok" out of reach, where the bounds are the answer; "near tie"; else nothing."""
-    least = float(np.average(problem.lower / problem.expected, weights=problem.mass)) - 1.0
+    least = problem.mean(problem.lower / problem.expected) - 1.0
     if problem.surplus <= 0.0 or least >= 0.0:
         return "ok"
     room = min(problem.surplus, -least)
