@@ -108,12 +108,16 @@ def jit_threaded(function: Any) -> Any:
     return numba.njit(nogil=True, **_jit_options(function))(function)
 
 
+_COMPILES = threading.Lock()
+
+
 def compile_once(function: Any, signature: Callable[[], Any]) -> None:
     """Compile a decorated function, unless it is, for one signature and no other; it is asked for where it is needed."""
     if not function.overloads:
-        with _announced(function.__name__):
-            function.compile(signature())
-            function.disable_compile()
+        with _COMPILES, _announced(function.__name__):
+            if not function.overloads:  # another thread may just have done it
+                function.compile(signature())
+                function.disable_compile()
 
 
 def jit_inline(function: Any) -> Any:

@@ -1,5 +1,9 @@
 """Whole runs: what holds under every rule and every controller."""
 
+import gc
+import signal
+import weakref
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +12,12 @@ import xarray as xr
 
 from alloc.evaluation.metrics import evaluate
 from alloc.onboard.columns import TABLES as BOARD_TABLES
-from alloc.onboard.controllers import CONTROLLERS
+from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.settings import Onboard, Sensors
 from alloc.plant.columns import TABLES as PLANT_TABLES
 from alloc.plant.rail import Line, Patch, Rail, logarithmic_increments
 from alloc.plant.trains import find_train
-from alloc.rules import RULES
+from alloc.rules import RULES, Rule
 from alloc.run.event import DriverCommand, Event
 from alloc.run.recording import load, save
 from alloc.run.simulation import ADVANCE, COMMAND, PLAN, Simulation, simulate
@@ -119,6 +123,58 @@ def test_a_shorter_step_changes_nothing():
 def test_a_rarer_record_is_the_same_run():
     often, seldom = (simulate(event(record_period=one), "greedy") for one in (0.01, 0.05))
     np.testing.assert_array_equal(often["speed"].values[::5], seldom["speed"].values)
+
+
+THREADED = [("cooperative", "mpc"), ("qp", "cut-and-ramp"), ("in Python", "in Python")]
+
+
+def test_four_threads_give_the_rows_of_one():
+    """The compiled loop lets other threads run; each has the parts in Python of its own run."""
+    made = [event(duration=1.0, level=level) for level in (0.09, 0.11)]
+
+    def row(k):
+        rule, controller = THREADED[k % len(THREADED)]
+        if rule not in RULES:
+            rule, controller = served(RULES["cooperative"], CONTROLLERS["cut-and-ramp"])
+        return evaluate(simulate(made[k % len(made)], rule, controller))
+
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(row, range(12))) == [row(k) for k in range(12)]
+
+
+def failing(unit, axles, memory, run):
+    if run.time > 0.5:
+        raise RuntimeError("no torque")
+
+
+def interrupted(unit, axles, memory, run):
+    if run.time > 0.5:
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize(
+    ("control", "raised"), [(failing, InputError), (interrupted, KeyboardInterrupt)]
+)
+def test_what_a_part_in_python_raises_ends_the_run_and_frees_its_memory(control, raised):
+    run = Simulation(event(), "alone", Controller("own", control, ""))
+    with pytest.raises(raised, match="no torque" if raised is InputError else None):
+        run.run_to_end()
+    assert 0.5 < run.world.run[0].time < 0.52
+    left = weakref.ref(run.world.state)
+    del run
+    gc.collect()
+    assert left() is None
+
+
+def test_a_rule_in_python_may_run_an_event_itself():
+    def share(units, run):
+        ahead = simulate(event(duration=0.2), "qp", "none")
+        units.wanted = np.minimum(0.1 + 0.01 * float(ahead.speed[-1]), units.most)
+        return np.nan
+
+    rule = Rule("looks ahead", "", share, "delivered always")
+    limits = simulate(event(duration=0.4), rule, "cut-and-ramp").wanted.values
+    assert len(np.unique(limits[np.isfinite(limits)])) == 1
 
 
 def test_stopping_between_instants_changes_nothing():
