@@ -49,7 +49,7 @@ def _minimum(a, b):
 
 _TEXT = inspect.getsource(laws)
 compiled: Any = _make_laws(
-    "compiled", _Lazy().visit(ast.parse(_TEXT)), njit(error_model="numpy", forceinline=True),
+    "compiled", _Lazy().visit(ast.parse(_TEXT)), njit(error_model="numpy", inline="always"),
     maximum=_maximum, minimum=_minimum, absolute=abs, exp=math.exp, sqrt=math.sqrt, copysign=math.copysign,
     atan=math.atan, sine=math.sin,
 )  # fmt: skip

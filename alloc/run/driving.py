@@ -77,4 +77,7 @@ def _advance_instant(k, w, recording):
         u = w.units[j]
         u.torque_command = u.applied
         u.motor_torque = w.state[torque + j]  # as the sensing of an automatic run does
-    record_and_advance(k, w, recording)
+    record_and_advance(
+        k, w.state, w.stages, w.wheelsets, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort, w.retard,
+        w.curve, w.scatter, w.rail, w.plant[0], w.units, w.brakes, w.run[0], recording,
+    )  # fmt: skip

@@ -163,86 +163,106 @@ def run_loop(
 # An instant, in its order. Each piece is inlined in the loop.
 #
 # Arrays are handed on one by one. A world handed down would be shorter to write, but compiled code counts references to each
-# of its arrays at every call, which made a run a fifth slower.
+# of its arrays at every call, which made a run a fifth slower, and even where a piece is inlined costs a twentieth.
 
 
 @jit_inline
-def read_inputs(k, w):
+def read_inputs(
+    k, command, leader, state, noise, wheelsets, cars, drives, cylinders, plant, axles, units, brakes, onboard, run
+):  # fmt: skip
     """The driver's command and the readings of instant k."""
-    run, onboard, plant = w.run[0], w.onboard[0], w.plant[0]
     run.time = k * run.period
-    command = w.command[k]
-    if command < 0.0 and run.reference_speed < onboard.release_speed:
-        command = 0.0  # the driver releases the brakes, so that a stop ends rolling
-    run.driver_command = command
-    run.sign = 1.0 if command >= 0.0 else -1.0
-    run.braking = 1 if onboard.blended and command < 0.0 else 0
-    if w.units.size > 0:
-        run.leader = w.leader[k]
-    noise = w.noise[k % w.noise.shape[0]]
+    wanted = command[k]
+    if wanted < 0.0 and run.reference_speed < onboard.release_speed:
+        wanted = 0.0  # the driver releases the brakes, so that a stop ends rolling
+    run.driver_command = wanted
+    run.sign = 1.0 if wanted >= 0.0 else -1.0
+    run.braking = 1 if onboard.blended and wanted < 0.0 else 0
+    if units.size > 0:
+        run.leader = leader[k]
+    disturbed = noise[k % noise.shape[0]]
     wire.read(
-        w.state, noise, w.wheelsets, w.cars, w.drives, w.cylinders, plant, w.axles, w.units, w.brakes, onboard, run
-    )  # fmt: skip
+        state,
+        disturbed,
+        wheelsets,
+        cars,
+        drives,
+        cylinders,
+        plant,
+        axles,
+        units,
+        brakes,
+        onboard,
+        run,
+    )
     if onboard.true_speed:
-        wire.tell_speed(w.state, w.wheelsets, w.cars, w.drives, w.cylinders, plant, w.axles, run)
+        wire.tell_speed(state, wheelsets, cars, drives, cylinders, plant, axles, run)
 
 
 @jit_inline
-def tell_oracle(w):
-    """What each unit and each trailer's brake can truly carry."""
-    wire.tell_limits(
-        w.run[0].time, w.state, w.stages, w.wheelsets, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort,
-        w.retard, w.curve, w.scatter, w.plant[0], w.units, w.brakes, w.run[0],
-    )  # fmt: skip
-
-
-@jit_inline
-def sense_instant(k, w):
+def sense_instant(k, axles, units, brakes, rated_effort, rated_retard, onboard, run):
     """What follows from the readings, what each unit would say of itself, and what the plan needs."""
-    run, onboard = w.run[0], w.onboard[0]
     per_acceleration = onboard.brake_planned if run.braking else onboard.planned
     run.plan = abs(run.driver_command) * per_acceleration
     if k == 0:
-        for u in w.units:
+        for u in units:
             u.delivered = run.plan
-    sense_train(w.axles, w.units, w.brakes, w.rated_effort, w.rated_retard, onboard, run)
-    report_units(w.units, run)
+    sense_train(axles, units, brakes, rated_effort, rated_retard, onboard, run)
+    report_units(units, run)
     run.needed = run.plan
     if run.braking:
-        run.needed += trailers_lack(w.units, w.brakes, run)
+        run.needed += trailers_lack(units, brakes, run)
 
 
 @jit_inline
-def set_instant_targets(k, w, recording):
+def call_rule(belief, share, k, units, reports, report_tick, run):
+    """What the leader believes, and where it asks its rule, the limits that it orders."""
+    if belief(k, units, reports, report_tick, run):
+        run.asked += 1
+        run.case = 0
+        run.level = share(units, run)
+        if run.case == 0:
+            run.case = find_case(units, run)
+
+
+@jit_inline
+def set_instant_targets(k, units, order_tick, reports, onboard, run):
     """Limits that have arrived, and what they ask of motors and air."""
-    run, onboard = w.run[0], w.onboard[0]
-    set_limits(k, w.units, w.order_tick, recording.units, onboard, run)
+    set_limits(k, units, order_tick, reports, onboard, run)
     if run.braking:
-        set_brake_targets(w.units, onboard, run)
+        set_brake_targets(units, onboard, run)
     else:
-        set_targets(w.units, onboard, run)
+        set_targets(units, onboard, run)
 
 
 @jit_inline
-def command_brakes(k, w):
+def command_units(control, axles, units, memory, run):
+    """What the readhesion controller of each unit commands."""
+    for j in range(units.size):
+        control(units[j], axles[units[j].first : units[j].last], memory[j], run)
+
+
+@jit_inline
+def command_brakes(k, axles, units, brakes, onboard, slide, run):
     """What motors are commanded after easing, and what valves and cylinders are."""
-    run = w.run[0]
-    ease_units(w.units, w.onboard[0], run)
-    foresee_torques(w.units, run)
-    protect_wheels(k, w.axles, w.brakes, w.slide[0], run)
-    ask_brakes(w.axles, w.units, w.brakes, w.onboard[0], run)
+    ease_units(units, onboard, run)
+    foresee_torques(units, run)
+    protect_wheels(k, axles, brakes, slide, run)
+    ask_brakes(axles, units, brakes, onboard, run)
 
 
 @jit_inline
-def record_and_advance(k, w, recording):
+def record_and_advance(
+    k, state, stages, wheelsets, cars, drives, cylinders, patches, line, effort, retard, curve, scatter, rail,
+    plant, units, brakes, run, recording,
+):  # fmt: skip
     """Commands go to the plant; the instant as it is recorded; a control period under these commands."""
-    plant, run = w.plant[0], w.run[0]
-    wire.apply(w.drives, w.cylinders, plant, w.units, w.brakes, run)
+    wire.apply(drives, cylinders, plant, units, brakes, run)
     derivative(
-        run.time, w.state, w.stages[0], w.wheelsets, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort,
-        w.retard, w.curve, w.scatter, plant,
+        run.time, state, stages[0], wheelsets, cars, drives, cylinders, patches, line, effort, retard, curve, scatter,
+        plant,
     )  # fmt: skip
-    note_instant(w.state, w.stages[0], w.wheelsets, w.cars, w.drives, w.cylinders, plant)
+    note_instant(state, stages[0], wheelsets, cars, drives, cylinders, plant)
     # Recorded columns are the first words of a row: one copy of words serves columns of all types, where rows of two types
     # would be copied field by field.
     for n in range(len(recording.memory)):
@@ -251,50 +271,44 @@ def record_and_advance(k, w, recording):
             for c in range(memory.shape[2]):
                 memory[k, i, c] = live[i, c]
     advance_period(
-        run.time, w.state, w.stages, w.wheelsets, w.cars, w.drives, w.cylinders, w.patches, w.line, w.effort, w.retard,
-        w.curve, w.scatter, w.rail, plant, recording.cylinders,
+        run.time, state, stages, wheelsets, cars, drives, cylinders, patches, line, effort, retard, curve, scatter,
+        rail, plant, recording.cylinders,
     )  # fmt: skip
 
 
-@jit_inline
-def call_rule(belief, share, k, w, recording):
-    """What the leader believes, and where it asks its rule, the limits that it orders."""
-    run = w.run[0]
-    if belief(k, w.units, recording.units, w.report_tick, run):
-        run.asked += 1
-        run.case = 0
-        run.level = share(w.units, run)
-        if run.case == 0:
-            run.case = find_case(w.units, run)
-
-
-@jit_inline
-def command_units(control, w):
-    """What the readhesion controller of each unit commands."""
-    axles, units, memory, run = w.axles, w.units, w.memory, w.run[0]
-    for j in range(units.size):
-        control(units[j], axles[units[j].first : units[j].last], memory[j], run)
-
-
 @jit_threaded
-def run_steps(belief, share, control, knows, first, last, w, recording):
+def run_steps(belief, share, control, knows, first, last, world, recording):
     """Steps `first` to `last`, until a part in Python has raised an error."""
-    run = w.run[0]
+    (
+        state, stages, wheelsets, cars, drives, cylinders, patches, line, plants, effort, retard, curve, scatter, rail,
+        noise, axles, units, brakes, onboards, slides, runs, rated_effort, rated_retard, command, leader, report_tick,
+        order_tick, memory,
+    ) = world  # fmt: skip
+    plant, onboard, slide, run = plants[0], onboards[0], slides[0], runs[0]
     for n in range(first, last):
         k, step = n // STEPS, n % STEPS
         if step == READ:
-            read_inputs(k, w)
+            read_inputs(
+                k, command, leader, state, noise, wheelsets, cars, drives, cylinders, plant, axles, units, brakes,
+                onboard, run,
+            )  # fmt: skip
             if knows:
-                tell_oracle(w)
+                wire.tell_limits(
+                    run.time, state, stages, wheelsets, cars, drives, cylinders, patches, line, effort, retard, curve,
+                    scatter, plant, units, brakes, run,
+                )  # fmt: skip
         elif step == PLAN:
-            sense_instant(k, w)
-            call_rule(belief, share, k, w, recording)
-            set_instant_targets(k, w, recording)
+            sense_instant(k, axles, units, brakes, rated_effort, rated_retard, onboard, run)
+            call_rule(belief, share, k, units, recording.units, report_tick, run)
+            set_instant_targets(k, units, order_tick, recording.units, onboard, run)
         elif step == COMMAND:
-            command_units(control, w)
+            command_units(control, axles, units, memory, run)
         elif step == BRAKE:
-            command_brakes(k, w)
+            command_brakes(k, axles, units, brakes, onboard, slide, run)
         else:
-            record_and_advance(k, w, recording)
+            record_and_advance(
+                k, state, stages, wheelsets, cars, drives, cylinders, patches, line, effort, retard, curve, scatter,
+                rail, plant, units, brakes, run, recording,
+            )  # fmt: skip
         if run.stopped == 1:
             break
