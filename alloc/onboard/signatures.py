@@ -5,7 +5,7 @@
     control(unit, axles, memory, run)                a controller: turns `torque_target` into `torque_command`
 
 Decorated, each is compiled by itself, and the loop of a run, compiled once, calls it as a first-class function. Undecorated,
-the same function is served by Python: `unit.limit` reads in both.
+the loop calls the same function in Python (`alloc.run.serving`): `unit.limit` reads in both.
 """
 
 from collections.abc import Callable
