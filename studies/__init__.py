@@ -13,3 +13,8 @@ class WorkerLost(RuntimeError):
 
 class SourcesChanged(WorkerLost):
     """A process has loaded other sources than rows would be known by: a fault of the place, and no result of a cell."""
+
+
+RARELY = 50_000, 20, 20
+"""Thresholds of `gc` in processes of this project: what they import and compile is kept, so there is no garbage to find, and
+looking for it takes a fifth of a short command and of compiling. Memory is the same."""

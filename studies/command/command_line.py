@@ -4,6 +4,7 @@ Exit codes: 0; 1 where all runs failed, a law is broken or a worker was lost; 2 
 stopped by a signal.
 """
 
+import gc
 import io
 import json
 import os
@@ -22,7 +23,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from alloc.schema.errors import InputError, UnsoundRun, blamed_on
-from studies import StudyError, WorkerLost
+from studies import RARELY, StudyError, WorkerLost
 from studies.command.options import (
     SWEEP,
     WORK,
@@ -581,6 +582,7 @@ def _interrupt(number: int, frame: object) -> None:
 
 def main() -> None:
     """Run the command and exit."""
+    gc.set_threshold(*RARELY)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal may know plain letters only
@@ -594,6 +596,7 @@ def main() -> None:
         _print_messages("; ".join(["stopped", *getattr(stopped, "__notes__", ())]))
     for number in signals:  # nothing is left to stop
         signal.signal(number, signal.SIG_IGN)
+    gc.freeze()  # nor is garbage worth a search
     sys.exit(code)
 
 
