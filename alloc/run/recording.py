@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -84,8 +85,9 @@ def make_dataset(
         # numbers throughout: to look for dates in them would take half of the time
         data[name] = xr.Variable(dims, np.ascontiguousarray(values), attributes, fastpath=True)
     time = data.pop("time")
+    # of an array xarray would ask whether it is one of dask's, and import that where it is installed: a third of a second
     coordinates = {
-        "time": xr.IndexVariable("time", time.values, time.attrs),
+        "time": xr.IndexVariable("time", pd.Index(time.values), time.attrs),
         **_number_parts(
             w.wheelsets.unit.tobytes(), w.wheelsets.car.tobytes(), w.cars.size, w.units.size
         ),
@@ -154,7 +156,9 @@ def _number_parts(unit: bytes, car: bytes, cars: int, units: int) -> dict[str, x
     counted = {"axle": of_axle.size, "car": cars, "unit": units}
     coordinates: dict[str, Any] = {
         name: xr.IndexVariable(
-            name, np.arange(1, n + 1), {"long_name": f"number of the {name}, 1 = foremost"}
+            name,
+            pd.Index(np.arange(1, n + 1)),
+            {"long_name": f"number of the {name}, 1 = foremost"},
         )
         for name, n in counted.items()
     }
@@ -162,7 +166,8 @@ def _number_parts(unit: bytes, car: bytes, cars: int, units: int) -> dict[str, x
         ("unit_of_axle", of_axle + 1, "traction unit of the axle, 1 = foremost, 0: none"),
         ("car_of_axle", of_car + 1, "car of the axle, 1 = foremost"),
     ):
-        coordinates[name] = xr.Variable("axle", values, {"units": "1", "long_name": meaning})
+        attributes = {"units": "1", "long_name": meaning}
+        coordinates[name] = xr.Variable("axle", values, attributes, fastpath=True)
     return coordinates
 
 
