@@ -167,8 +167,8 @@ class Meaning(NamedTuple):
 
 @cache
 def _read_classes(file: str) -> dict[str, ast.ClassDef]:
-    """The classes of a file, which is read once; `inspect.getsource` reads it for each of them."""
-    nodes = ast.walk(ast.parse("".join(getlines(file))))
+    """The classes at the top of a file, which is read once; `inspect.getsource` reads it for each of them."""
+    nodes = ast.parse("".join(getlines(file))).body
     return {node.name: node for node in nodes if isinstance(node, ast.ClassDef)}
 
 

@@ -57,6 +57,7 @@ class Keys(BaseModel):
     model_config = ConfigDict(
         frozen=True,
         strict=True,
+        defer_build=True,
         extra="forbid",
         allow_inf_nan=False,
         json_schema_extra=_fill_schema,

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress
 
 from alloc.files import write_whole
 from studies import StudyError
@@ -127,6 +125,9 @@ def run_study(
 @contextmanager
 def show_progress(name: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
     """A bar at a terminal, which a number of cells advances; a program that is stopped says that rows are kept."""
+    from rich.console import Console
+    from rich.progress import MofNCompleteColumn, Progress
+
     console, columns = Console(stderr=True), (*Progress.get_default_columns(), MofNCompleteColumn())
     off = quiet or not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=off) as bar:
