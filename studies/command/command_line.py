@@ -363,11 +363,12 @@ def list_names(kind: str | None = None, *, as_json: Json = False) -> None:
         kind: One of these kinds alone.
         as_json: Print JSON instead.
     """
-    import paper_figs
     from studies.files.toml_keys import suggest_name
     from studies.runner.catalogue import KINDS
 
     def list_figures() -> dict[str, str]:
+        import paper_figs
+
         return {name: figure.caption for name, figure in paper_figs.all_figures().items()}
 
     kinds = KINDS | {"figures": list_figures}

@@ -1,5 +1,6 @@
 """Workers: cells are computed by this process, by processes of this machine, or by a Dask cluster."""
 
+import json
 import multiprocessing
 import os
 import pickle
@@ -47,7 +48,8 @@ def compute_rows(
     if scheduler is None and jobs == 1:
         yield from (compute_task(task, files) for task in tasks)
         return
-    with start_processes(jobs) if scheduler is None else join_cluster(scheduler) as pool:
+    parts = list_parts(cells)
+    with start_processes(jobs, parts) if scheduler is None else join_cluster(scheduler) as pool:
         for future in as_completed([pool.submit(compute_task, task, files) for task in tasks]):
             try:
                 yield future.result()
@@ -61,13 +63,24 @@ def compute_rows(
                 ) from None
 
 
+def list_parts(cells: Sequence[tuple[str, "Cell"]]) -> list[list[str]]:
+    """Rules and controllers that cells name."""
+    named = [cell.columns for _, cell in cells]
+    return [
+        [*dict.fromkeys(columns[kind] for columns in named if kind in columns)]
+        for kind in ("rule", "controller")
+    ]
+
+
 @contextmanager
-def start_processes(jobs: int) -> Iterator[Executor]:
-    """Processes, which are killed where the work is broken off."""
+def start_processes(jobs: int, parts: list[list[str]]) -> Iterator[Executor]:
+    """Processes, which are killed where the work is broken off; `parts`: rules and controllers, whose code they share."""
     # never forked from here: a thread of this program may hold a lock that a fork would wait for
     context = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
     if sys.platform == "linux":
-        context.set_forkserver_preload(["studies.run_cell"])
+        context.set_forkserver_preload(["studies.run_cell", "studies.runner.shared_code"])
+        if all(parts):
+            os.environ["READHESION_PARTS"] = json.dumps(parts)
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(jobs, context, begin_worker)
     try:
