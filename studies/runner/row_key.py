@@ -15,8 +15,9 @@ import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import asdict, is_dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from types import CodeType
@@ -24,7 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from alloc.compilation import ROOT
+from alloc.compilation import FOLDER, ROOT
+from alloc.files import write_whole
 from alloc.schema.errors import InputError
 from studies import SourcesChanged
 
@@ -69,16 +71,34 @@ def hash_sources(function: Callable[..., Any], modules: tuple[str, ...] = ()) ->
 
 @cache
 def _follow_names(function: Callable[..., Any], modules: tuple[str, ...]) -> tuple[str, list[str]]:
-    """Hash of what counts of the project, and the files that count beside it.
+    """Hash of what counts of the project, which is kept beside compiled code, and the files that count beside it.
 
     Raises `SourcesChanged` where the project is not what this process has loaded.
     """
-    if _hash_project() != _LOADED:
-        advice = "start this process again, and of a cluster its workers"
-        raise SourcesChanged(f"{ROOT}: the project was edited since it was loaded; {advice}")
+    _check_project(function)
+    module, name = function.__module__, function.__qualname__.partition(".")[0]
+    users = {
+        str(getattr(sys.modules.get(origin), "__file__", None) or "")
+        for origin in {*modules, module}
+        if origin.partition(".")[0] not in (STUDIES, *BELOW)
+    }
+    shipped = sorted(origin for origin in modules if origin.partition(".")[0] in (STUDIES, *BELOW))
+    asked = json.dumps([_LOADED, *_list_versions(), str(ROOT), module, name, shipped, bool(users)])
+    kept = Path(FOLDER or os.devnull, f"key-{_hash_text(asked)}")
+    try:
+        code, data = json.loads(kept.read_text())
+    except (OSError, ValueError):
+        code, data = _read_names(module, name, shipped, bool(users))
+        with suppress(OSError):
+            write_whole(kept, partial(Path.write_text, data=json.dumps([code, data])))
+    return code, sorted(users.union(data))
+
+
+def _read_names(module: str, name: str, modules: list[str], of_user: bool) -> tuple[str, list[str]]:
+    """As `_follow_names`, from the text of the project; `of_user`: files of users count beside it."""
     seen: dict[Name, str] = {}
     whole = set(modules)
-    left: list[Name] = [(function.__module__, function.__qualname__.partition(".")[0])]
+    left: list[Name] = [(module, name)]
     while left:
         module, name = left.pop()
         if module.partition(".")[0] != STUDIES:
@@ -87,20 +107,16 @@ def _follow_names(function: Callable[..., Any], modules: tuple[str, ...]) -> tup
             nodes = _definitions_of(module).get(name, [])
             seen[module, name] = computed_text(*nodes)
             left += [below for node in nodes for below in _names_used_in(node, module)]
-    files = set()
-    for module in whole:
-        if os.sep in module:
-            files.add(module)
-        elif module.partition(".")[0] not in BELOW:
-            files.add(str(getattr(sys.modules.get(module), "__file__", None) or ""))
+    files = [module for module in whole if os.sep in module]
+    files += [str(module_path(module)) for module in whole if module.partition(".")[0] == STUDIES]
     packages = {
         part
         for part in (*BELOW, *APART)
         if any(f"{module}.".startswith(f"{part}.") for module in whole)
     }
-    packages |= {*APART} if files else set()  # a user's file may import any
+    packages |= {*APART} if files or of_user else set()  # a user's file may import any
     parts = [seen[name] for name in sorted(seen)]
-    return _hash_text("\n".join([*parts, *map(_hash_package, sorted(packages))])), sorted(files)
+    return _hash_text("\n".join([*parts, *map(_hash_package, sorted(packages))])), files
 
 
 @cache
@@ -113,8 +129,12 @@ def _hash_package(name: str) -> str:
         computed_text(*_read_syntax(path).body) if path.suffix == ".py" else path.read_bytes().hex()
         for path in files
     ]
-    versions = ["{}.{}".format(*sys.version_info), *map(version, LIBRARIES)]
-    return _hash_text("\n".join([*versions, *texts]))
+    return _hash_text("\n".join([*_list_versions(), *texts]))
+
+
+@cache
+def _list_versions() -> list[str]:
+    return ["{}.{}".format(*sys.version_info), *map(version, LIBRARIES)]
 
 
 def module_path(module: str) -> Path:
@@ -143,6 +163,14 @@ def read_anew() -> None:
     global _prompt
     _prompt = os.urandom(8).hex()
     folder_hash.cache_clear()
+
+
+@cache
+def _check_project(function: Callable[..., Any]) -> None:
+    """Raise `SourcesChanged` where the project's files are others than when they were loaded; once for a function."""
+    if _hash_project() != _LOADED:
+        advice = "start this process again, and of a cluster its workers"
+        raise SourcesChanged(f"{ROOT}: the project was edited since it was loaded; {advice}")
 
 
 def _hash_text(text: str) -> str:

@@ -216,6 +216,7 @@ SOURCE = """
 
 def key(monkeypatch, tmp_path, source):
     """The hash of `run` in a module of the project with this source."""
+    monkeypatch.setattr(row_key, "FOLDER", None)
     path = tmp_path / f"{abs(hash(source))}.py"
     path.write_text(textwrap.dedent(source))
     name = f"studies.made_{path.stem}"
