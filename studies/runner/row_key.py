@@ -104,9 +104,8 @@ def _read_names(module: str, name: str, modules: list[str], of_user: bool) -> tu
         if module.partition(".")[0] != STUDIES:
             whole.add(module)
         elif (module, name) not in seen:
-            nodes = _definitions_of(module).get(name, [])
-            seen[module, name] = computed_text(*nodes)
-            left += [below for node in nodes for below in _names_used_in(node, module)]
+            seen[module, name], below = _read_definition(module, name)
+            left += below
     files = [module for module in whole if os.sep in module]
     files += [str(module_path(module)) for module in whole if module.partition(".")[0] == STUDIES]
     packages = {
@@ -256,6 +255,13 @@ def _definitions_of(module: str) -> dict[str, list[ast.stmt]]:
         for name in bound:
             statements.setdefault(name, []).append(node)
     return statements
+
+
+@cache
+def _read_definition(module: str, name: str) -> tuple[str, list[Name]]:
+    """What a definition computes, as text, and what it names."""
+    nodes = _definitions_of(module).get(name, [])
+    return computed_text(*nodes), [used for node in nodes for used in _names_used_in(node, module)]
 
 
 @cache
