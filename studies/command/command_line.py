@@ -486,7 +486,6 @@ def _run_study(
     study: "Study", folder: Path, work: Work, events: int | None = None, seed: int | None = None
 ) -> "tuple[pd.DataFrame, dict[str, pd.DataFrame]] | None":
     """The rows of a study and its tables, written with its figure; of a dry run None, and a forecast."""
-    from paper_figs import apply_style
     from studies.runner.study import count_missing, run_study, write_results
     from studies.runner.workers import count_cores
 
@@ -501,6 +500,10 @@ def _run_study(
         return None
     workers = jobs, work.scheduler, work.retry_failed
     rows = run_study(study, folder, events, seed, *workers, quiet=False)
+    if study.figure is None:
+        return rows, write_results(study, rows, folder)
+    from paper_figs import apply_style
+
     with apply_style():
         return rows, write_results(study, rows, folder)
 
