@@ -1,6 +1,7 @@
 """Units in the names of keys: files speak km/h, t and per mille, the code SI."""
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 
@@ -45,6 +46,7 @@ UNITS: tuple[Unit, ...] = (
 """Units of keys; longer endings first, and last that of a pure number."""
 
 
+@cache
 def unit_of_key(key: str) -> Unit:
     """Unit that the ending of a key states."""
     return next(unit for unit in UNITS if key.endswith(unit.ending))
