@@ -83,14 +83,14 @@ def _follow_names(function: Callable[..., Any], modules: tuple[str, ...]) -> tup
         if origin.partition(".")[0] not in (STUDIES, *BELOW)
     }
     shipped = sorted(origin for origin in modules if origin.partition(".")[0] in (STUDIES, *BELOW))
-    asked = json.dumps([_LOADED, *_list_versions(), str(ROOT), module, name, shipped, bool(users)])
-    kept = Path(FOLDER or os.devnull, f"key-{_hash_text(asked)}")
+    state = json.dumps([_LOADED, *_list_versions(), str(ROOT), module, name, shipped, bool(users)])
+    path = Path(FOLDER or os.devnull, f"key-{_hash_text(state)}")
     try:
-        code, data = json.loads(kept.read_text())
+        code, data = json.loads(path.read_text())
     except (OSError, ValueError):
         code, data = _read_names(module, name, shipped, bool(users))
         with suppress(OSError):
-            write_whole(kept, partial(Path.write_text, data=json.dumps([code, data])))
+            write_whole(path, partial(Path.write_text, data=json.dumps([code, data])))
     return code, sorted(users.union(data))
 
 
