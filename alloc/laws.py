@@ -38,6 +38,20 @@ def narrowest_parabola(micro_slope, macro_slope, residual_ratio):
     return maximum(0.25 * micro_slope * micro_slope, for_tail)
 
 
+def parabola_breadth(peak, micro_slope, top_curvature, macro_slope, residual_ratio):
+    """1 / C [(m/s)2] of the piecewise curve's parabola, narrowed on slippery rail, see `narrowest_parabola`."""
+    inverse_least = 1.0 / narrowest_parabola(micro_slope, macro_slope, residual_ratio)
+    return minimum(1.0 / top_curvature, peak * inverse_least)
+
+
+def piecewise_rise(size, peak, micro_slope, breadth):
+    """Line and parabola of the piecewise curve, at a slip of this `size` [m/s] up to the tail: readhesion paper (1)-(3)."""
+    line_end = maximum(0.0, peak * (1.0 / micro_slope) - 0.25 * micro_slope * breadth)  # (3)
+    # the parabola seen from the line that it leaves: at the origin nothing is to cancel
+    off = maximum(0.0, size - line_end)
+    return micro_slope * size - off * off / breadth
+
+
 def piecewise_coefficient(
     slip, peak, micro_slope, top_curvature, macro_slope, residual_ratio, most_residual
 ):
@@ -47,25 +61,18 @@ def piecewise_coefficient(
     parabola is narrowed, see `narrowest_parabola`.
     """
     # but for two, divisions are by constants: they are what this law costs
-    inverse_least = 1.0 / narrowest_parabola(micro_slope, macro_slope, residual_ratio)
-    breadth = minimum(1.0 / top_curvature, peak * inverse_least)  # 1 / C
-    s, middle = absolute(slip), peak * (1.0 / micro_slope)
-    half = 0.25 * micro_slope * breadth
-    line_end = maximum(0.0, middle - half)  # (3)
-    tail = middle + half + 0.5 * macro_slope * breadth  # (4), (5)
+    breadth = parabola_breadth(peak, micro_slope, top_curvature, macro_slope, residual_ratio)
+    s, top = absolute(slip), peak * (1.0 / micro_slope) + 0.25 * micro_slope * breadth
+    tail = top + 0.5 * macro_slope * breadth  # (4), (5)
     residual = minimum(residual_ratio * peak, most_residual)
     drop = peak - residual - 0.25 * macro_slope * macro_slope * breadth  # (6), B of the source
-    # the parabola seen from the line that it leaves: at the origin nothing is to cancel
-    off = maximum(0.0, s - line_end)
-    beyond = minimum(0.0, tail - s)
-    rise = micro_slope * s - off * off / breadth
+    beyond, rise = minimum(0.0, tail - s), piecewise_rise(s, peak, micro_slope, breadth)
     return copysign(where(s < tail, rise, residual + drop * exp(beyond * macro_slope / drop)), slip)
 
 
 def piecewise_top(peak, micro_slope, top_curvature, macro_slope, residual_ratio):
     """Slip velocity [m/s] of the peak of `piecewise_coefficient`: readhesion paper (4)."""
-    inverse_least = 1.0 / narrowest_parabola(micro_slope, macro_slope, residual_ratio)
-    breadth = minimum(1.0 / top_curvature, peak * inverse_least)
+    breadth = parabola_breadth(peak, micro_slope, top_curvature, macro_slope, residual_ratio)
     return peak / micro_slope + 0.25 * micro_slope * breadth
 
 

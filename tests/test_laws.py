@@ -94,6 +94,16 @@ def test_the_top_is_where_an_optimiser_finds_it(kind):
         assert found == pytest.approx((most, place))
 
 
+def test_the_piecewise_curve_rises_without_its_tail():
+    shape, slip = (5.0, 40.0, 0.05, 0.9), np.linspace(0.0, 1.0, 50)
+    for peak in (0.03, 0.1, 0.3):
+        breadth = laws.parabola_breadth(peak, *shape)
+        part = slip * laws.piecewise_top(peak, *shape)
+        rise = laws.piecewise_rise(part, peak, shape[0], breadth)
+        np.testing.assert_array_equal(rise, laws.piecewise_coefficient(part, peak, *shape, 1.0))
+        assert rise[-1] == pytest.approx(peak)
+
+
 def test_the_piecewise_curve_is_that_of_the_paper():
     # (1)-(6) with the printed g1, C, g2, at a peak of 0.18
     g1, c, g2, peak, rest = 5.0, 40.0, 0.05, 0.18, 0.162
