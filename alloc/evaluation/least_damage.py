@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.backends import compiled as law
 from alloc.compilation import jit
 from alloc.evaluation.recorded_run import RecordedRun
-from alloc.plant.curves import coefficient
+from alloc.plant.curves import PIECEWISE, coefficient
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +26,11 @@ SAMPLED = 0.1
 """Time [s] between the instants at which the least damage is found: a telegram's period."""
 NODES, STEPS = 48, 32
 """Steps of slip from 0 to that of the peak, and of a unit's force from 0 to its cap."""
+SQUARES, PARTS = (
+    (np.arange(NODES + 1) / NODES) ** 2,
+    1.0 - (1.0 - np.arange(STEPS + 1) / STEPS) ** 2,
+)
+"""These slips and forces, as shares of the last one."""
 COSTS = np.concatenate([[0.0], np.geomspace(1e-4, 100.0, 160)])
 """Marginal costs in the tables [m/s]."""
 
@@ -46,14 +52,14 @@ class BestSplits:
 
     def least(self, force: Floats) -> Floats:
         """Least power [W] for `force` [N], (instants,): between two costs, which are its slopes, it is a parabola."""
-        least = np.empty(force.size)
-        for k, (delivered, power) in enumerate(zip(self.delivered, self.dissipated, strict=True)):
-            q = min(max(int(np.searchsorted(delivered, force[k])), 1), COSTS.size - 1)
-            step = max(delivered[q] - delivered[q - 1], 1e-9)
-            u = min(max((force[k] - delivered[q - 1]) / step, 0.0), 1.0)
-            bend = 0.5 * u * (1.0 - u) * step * (COSTS[q] - COSTS[q - 1])
-            least[k] = power[q - 1] + u * (power[q] - power[q - 1]) - bend
-        return least
+        enough = self.delivered >= force[:, None]
+        enough[:, -1] = True
+        k, q = np.arange(force.size), np.maximum(enough.argmax(axis=1), 1)
+        delivered, power = self.delivered[k, q - 1], self.dissipated[k, q - 1]
+        step = np.maximum(self.delivered[k, q] - delivered, 1e-9)
+        u = np.clip((force - delivered) / step, 0.0, 1.0)
+        bend = 0.5 * u * (1.0 - u) * step * (COSTS[q] - COSTS[q - 1])
+        return np.asarray(power + u * (self.dissipated[k, q] - power) - bend)
 
     def excess(self, force: Floats) -> float:
         """The power over the least at which `force` (instants,) [N] is delivered, less 1; nan where that is 0."""
@@ -94,9 +100,10 @@ def find_best_splits(run: RecordedRun) -> BestSplits | None:
         curve, values, way, speed, peak, contact, top, load, most, first, delivered, dissipated
     )
     # wheels that failed motors do not turn resist, whatever the split
-    force = run.force[instants][:, axles].sum(axis=1) - np.minimum(pull, 0.0).sum(axis=1)
+    carried = (way[:, None] * run["rail_force"][instants])[:, axles]
+    force = carried.sum(axis=1) - np.minimum(pull, 0.0).sum(axis=1)
     plan = run.settled[instants] * run.planned[instants] * run.load[axles].sum()
-    power = (run.slip * np.abs(run.force))[instants][:, axles].sum(axis=1)
+    power = np.abs(run["slip_velocity"][instants][:, axles] * carried).sum(axis=1)
     possible = np.clip(force, 0.0, delivered[:, -1])
     return BestSplits(possible, power, np.maximum(plan, force), delivered, dissipated)
 
@@ -112,19 +119,25 @@ def tabulate_splits(
     Between steps of w, power is a parabola of force.
     """
     table, most = np.empty((top.shape[1], NODES + 1)), np.empty(top.shape[1])
-    force, power, middle, price = np.zeros((4, STEPS + 1))
+    force, power, middle, price, root = np.zeros((5, STEPS + 1))
     for k in range(top.shape[0]):
-        for i in range(top.shape[1]):  # w at the slips (node / NODES)^2 top
-            v, least = speed[k, i], 1.0
-            slip = way[k] * top[k, i]
-            best = coefficient(curve, values, slip, v, v + slip, peak[k, i], contact[i])
-            best = max(way[k] * best, 1e-12)
+        for i in range(top.shape[1]):  # coefficients, then w, at the slips (node / NODES)^2 top
+            v, slip, w, offered = speed[k, i], way[k] * top[k, i], table[i], peak[k, i]
+            steep, breadth = values[0], 0.0
+            if curve == PIECEWISE:  # quick without its tail, an exponential
+                breadth = law.parabola_breadth(offered, steep, values[1], values[2], values[3])
+            for node in range(NODES + 1):
+                part = slip * SQUARES[node]
+                if curve == PIECEWISE:
+                    w[node] = way[k] * law.piecewise_rise(abs(part), offered, steep, breadth)
+                else:
+                    w[node] = coefficient(curve, values, part, v, v + part, offered, contact[i])
+            best = max(way[k] * w[NODES], 1e-12)
             most[i] = best * load[k, i]
             for node in range(NODES + 1):
-                part = slip * (node / NODES) ** 2
-                mu = coefficient(curve, values, part, v, v + part, peak[k, i], contact[i])
-                least = min(least, np.sqrt(max(1.0 - way[k] * mu / best, 0.0)))
-                table[i, node] = least
+                w[node] = np.sqrt(max(1.0 - way[k] * w[node] / best, 0.0))
+            for node in range(NODES):
+                w[node + 1] = min(w[node], w[node + 1])
         for j in range(first.size - 1):
             number, cap = first[j + 1] - first[j], pull[k, j]
             for i in range(first[j], first[j + 1]):
@@ -133,32 +146,35 @@ def tabulate_splits(
                 continue
             power[:] = 0.0
             for i in range(first[j], first[j + 1]):
-                node = 0
                 for m in range(STEPS + 1):
-                    x = cap * (1.0 - (1.0 - m / STEPS) ** 2)
-                    w = np.sqrt(max(1.0 - x / most[i], 0.0))
-                    while node < NODES - 1 and w < table[i, node + 1]:
+                    root[m] = np.sqrt(max(1.0 - cap * PARTS[m] / most[i], 0.0))
+                w, node = table[i], 0
+                for m in range(STEPS + 1):
+                    while node < NODES - 1 and root[m] < w[node + 1]:
                         node += 1
-                    width = max(table[i, node] - table[i, node + 1], 1e-9)
-                    inside = min(max((table[i, node] - w) / width, 0.0), 1.0)
+                    width = max(w[node] - w[node + 1], 1e-9)
+                    inside = min(max((w[node] - root[m]) / width, 0.0), 1.0)
                     slip = top[k, i] * (node * node + inside * (2 * node + 1)) / NODES**2
-                    force[m] = number * x
-                    power[m] += slip * x
+                    power[m] += slip * (cap * PARTS[m])
+            for m in range(STEPS + 1):
+                force[m] = number * (cap * PARTS[m])
             for m in range(STEPS):
                 slope = (power[m + 1] - power[m]) / (force[m + 1] - force[m])
                 price[m + 1], middle[m + 1] = max(slope, price[m]), 0.5 * (force[m] + force[m + 1])
-            m = 0  # the best force at a cost lies between the middles of two steps
-            for q in range(COSTS.size):
-                while m < STEPS and price[m + 1] <= COSTS[q]:
-                    m += 1
-                f = force[STEPS]
-                if m < STEPS:
-                    rise = (middle[m + 1] - middle[m]) * (COSTS[q] - price[m])
-                    f = middle[m] + rise / max(price[m + 1] - price[m], 1e-12)
-                n = min(max(np.searchsorted(force, f), 1), STEPS)
-                step = force[n] - force[n - 1]
-                u = (f - force[n - 1]) / step
-                bend = price[min(n + 1, STEPS)] - price[n - 1]
-                bend = 0.25 * bend * step * u * (1.0 - u)
-                delivered[k, q] += f
-                dissipated[k, q] += power[n - 1] + u * (power[n] - power[n - 1]) - bend
+            q = 0
+            for m in range(STEPS):  # the best force at a cost lies between the middles of two steps
+                rise, width = middle[m + 1] - middle[m], max(price[m + 1] - price[m], 1e-12)
+                while q < COSTS.size and COSTS[q] < price[m + 1]:
+                    f = middle[m] + rise * (COSTS[q] - price[m]) / width
+                    n = m if 0.0 < f <= force[m] else m + 1
+                    step = force[n] - force[n - 1]
+                    u = (f - force[n - 1]) / step
+                    bend = price[min(n + 1, STEPS)] - price[n - 1]
+                    bend = 0.25 * bend * step * u * (1.0 - u)
+                    delivered[k, q] += f
+                    dissipated[k, q] += power[n - 1] + u * (power[n] - power[n - 1]) - bend
+                    q += 1
+            last = power[STEPS - 1] + (power[STEPS] - power[STEPS - 1])
+            for beyond in range(q, COSTS.size):  # it is at its cap
+                delivered[k, beyond] += force[STEPS]
+                dissipated[k, beyond] += last
