@@ -18,10 +18,6 @@ from alloc.evaluation.recorded_run import Floats, RecordedRun
 from alloc.schema.errors import UnsoundRun
 from alloc.schema.registry import Registry
 
-SLIP_FACTOR = 2.0
-"""An axle slips where its slip velocity exceeds this multiple of that of the curve's peak."""
-LOCK_SPEED, STANDING_SPEED = 5.0 / 3.6, 0.1
-"""Speeds [m/s]: of a train above which a wheel whose rim is slower than the second is locked."""
 LEAST_GAIN = 0.1
 """Acceleration [m/s2] that dry rail must allow for time to be lost."""
 MEAN_TIME = 1.0
@@ -133,15 +129,15 @@ def over_delivery(run: RecordedRun) -> float:
 @metric("utilisation", "1", better=+1, within=EITHER_WAY)
 def utilisation(run: RecordedRun) -> float:
     """Adhesion used: rail force over the force available to acting axles."""
-    counted = run.acting & run.demand[:, None]
-    return divide_sums(run.force[counted], run.available[counted])
+    return divide_sums(*run.sums.used)
 
 
 @metric("effort_ratio", "1", better=+1)
 def effort_ratio(run: RecordedRun) -> float:
     """Rail force of the acting axles over what accelerates the train as asked for."""
-    force = np.where(run.acting, run.force, 0.0).sum(axis=1)[run.demand]
-    return divide_sums(force, np.abs(run.command)[run.demand] * run["car_mass"].sum())
+    return divide_sums(
+        run.sums.acting[run.demand], np.abs(run.command)[run.demand] * run["car_mass"].sum()
+    )
 
 
 @metric("acceleration_ratio", "1", better=+1)
@@ -202,20 +198,19 @@ def distance_lost(run: RecordedRun) -> float:
 @metric("slip_time", "s", better=-1, within=NEVER_NEGATIVE)
 def slip_time(run: RecordedRun) -> float:
     """Time spent slipping, summed over axles."""
-    return (run.slip > SLIP_FACTOR * run["peak_slip"]).sum() * run.period
+    return run.sums.slipping * run.period
 
 
 @metric("slip_peak", "m/s", better=-1, within=NEVER_NEGATIVE)
 def slip_peak(run: RecordedRun) -> float:
     """Largest slip velocity of any axle."""
-    return run.slip.max()
+    return np.abs(run["slip_velocity"]).max()
 
 
 @metric("locked_time", "s", better=-1, within=NEVER_NEGATIVE)
 def locked_time(run: RecordedRun) -> float:
     """Time that wheels stood above 5 km/h, summed over axles."""
-    standing = np.abs(run["rim_speed"]) < STANDING_SPEED
-    return (standing & (np.abs(run["speed"]) > LOCK_SPEED)[:, None]).sum() * run.period
+    return run.sums.locked * run.period
 
 
 @metric("damage", "kJ", better=-1, within=NEVER_NEGATIVE)
@@ -264,8 +259,12 @@ def torque_fluctuation(run: RecordedRun) -> float:
         return math.nan
     planned = run.planned[run.demand].mean() * run["unit_static_load"]
     planned *= run["unit_radius"] / (run["unit_gear"] * run.axles)
-    torque, width = run["motor_torque"][run.demand] / planned, run.instants(MEAN_TIME)
-    padded = np.pad(torque, ((width // 2, width - width // 2), (0, 0)), "edge").cumsum(axis=0)
+    torque, width = (
+        run["motor_torque"].compress(run.demand, axis=0) / planned,
+        run.instants(MEAN_TIME),
+    )
+    around = np.arange(-(width // 2), len(torque) + width - width // 2)
+    padded = torque.take(around, axis=0, mode="clip").cumsum(axis=0)
     rest = torque - (padded[width:] - padded[:-width]) / width
     return float(np.sqrt((rest**2).mean()))
 

@@ -7,13 +7,17 @@ its motors run in parallel on one frequency.
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from alloc.compilation import jit
+
+SUMMED = "rail_force", "adhesion_limit", "axle_load", "slip_velocity", "peak_slip", "rim_speed"
+"""Variables that `sum_axles` reads, in its order."""
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -21,6 +25,10 @@ SETTLING = 2.0
 """Time [s] left out after the driver asks for more: torque rises in 1 s, and cylinders take as long to fill."""
 JERK_CUT_OFF = 5.0
 """Cut-off frequency [Hz] of the low-pass on a car's acceleration: ride comfort depends on a few hertz."""
+SLIP_FACTOR = 2.0
+"""An axle slips where its slip velocity exceeds this multiple of that of the curve's peak."""
+LOCK_SPEED, STANDING_SPEED = 5.0 / 3.6, 0.1
+"""Speeds [m/s]: of a train above which a wheel whose rim is slower than the second is locked."""
 STANDSTILL = 0.01
 """Speed [m/s] of a train that stands."""
 
@@ -38,6 +46,23 @@ class TrainBounds(NamedTuple):
     """Delivered; below 0 where the train turns wheels that failed motors do not."""
 
 
+class AxleSums(NamedTuple):
+    """What is summed over axles; forces at the rail [N] in the direction of the demand."""
+
+    acting: Floats
+    """Of the axles that pull or brake, (time,)."""
+    delivered: Floats
+    """Of driven axles, and of those that brake with air alone, (2, time)."""
+    carried: Floats
+    """The most that each part of the train carries, which its weakest axle bounds, (time, part)."""
+    used: Floats
+    """Of each axle that acts under demand, and the most that it could have, (2, axles of all instants)."""
+    slipping: int
+    """Number of axles that slip, of all instants."""
+    locked: int
+    """Number of axles whose wheels are locked, of all instants."""
+
+
 class RecordedRun:
     """A recorded run as arrays: `run[name]` is a variable, attributes are what several metrics need."""
 
@@ -45,10 +70,8 @@ class RecordedRun:
         self.dataset, self.attrs = dataset, dataset.attrs
         self.period = record_period(dataset)
         self._computed: dict[Any, Any] = {}
-        self.unit, self.group = self["axle_unit"], self["axle_group"]
+        self.unit, group = self["axle_unit"], self["axle_group"]
         self.driven = self.unit >= 0
-        self.trailing = ~self.driven & (self.group >= 0)
-        """Axles that brake with air alone, (axle,)."""
         self.of_unit = (self.unit[:, None] == np.arange(self["unit_gear"].size)).astype(float)
         """(axle, unit): 1 where the axle is the unit's; `forces @ of_unit` are those of the units."""
         self.axles = self.of_unit.sum(axis=0)
@@ -56,16 +79,16 @@ class RecordedRun:
         self.load, self.turning = self["axle_static_load"], self["axle_turning_mass"]
         self.command, self.planned = self["driver_command"], self["planned_coefficient"]
         self.demand, self.way = self.command != 0.0, np.sign(self.command)
-        self.force = self.way[:, None] * self["rail_force"]
-        """Force in the direction of the demand [N], (time, axle)."""
-        self.slip = np.abs(self["slip_velocity"])
-        """Magnitude of the slip velocity [m/s], (time, axle)."""
         self.gain = self.way * self["acceleration"]
         air = bool(self.attrs["blended_brakes"]) or not self.driven.any()
-        self.air = (self.way < 0.0) & air & (self.group >= 0).any()
+        self.air = (self.way < 0.0) & air & (group >= 0).any()
         """Instants at which every car brakes itself, with air where it has no motors, (time,)."""
-        self.acting = self.driven | self.air[:, None]
-        """Axles that pull or brake, (time, axle)."""
+        self.trailing = ~self.driven & (group >= 0) & self.air.any()
+        """Axles that brake with air alone, if any do, (axle,)."""
+        self.part = self.unit.astype(np.int64)
+        """Unit of each axle, behind all units the brake group of a trailing one, -1: neither, (axle,)."""
+        _, number = np.unique(group[self.trailing], return_inverse=True)
+        self.part[self.trailing] = self.axles.size + number
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         return series(self.dataset, name)
@@ -89,17 +112,32 @@ class RecordedRun:
         return calm
 
     @cached_property
-    def available(self) -> Floats:
-        """Largest rail force [N], (time, axle); at least the one carried: the limit is that of a driving wheel."""
-        return np.maximum(self["adhesion_limit"] * self["axle_load"], np.abs(self["rail_force"]))
+    def stretches(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """First instants between changes of the command, which are few; and number of the stretch of each, (time,)."""
+        new = np.diff(self.command, prepend=np.nan) != 0.0
+        new |= np.diff(self.planned, prepend=np.nan) != 0.0
+        return np.flatnonzero(new), np.cumsum(new) - 1
+
+    @cached_property
+    def sums(self) -> AxleSums:
+        """Found in one pass over the axles of all instants."""
+        force, *more = (np.require(self[name], float, ["C", "W"]) for name in SUMMED)
+        instants, runs = len(force), np.abs(self["speed"]) > LOCK_SPEED
+        count = np.bincount(self.part[self.part >= 0], minlength=self.axles.size)
+        acting, used = np.empty(force.shape), np.empty((2, force.size))
+        total, carried = np.empty((2, instants)), np.full((instants, count.size), np.inf)
+        each = self.way, self.air, runs, self.driven, self.part
+        n, *times = sum_axles(*each, force, *more, acting, total, carried, used)
+        return AxleSums(acting.sum(axis=1), total, carried * count, used[:, :n], *times)
 
     @cached_property
     def at_rim(self) -> Floats:
         """Force at the rim of each unit's motors at their limits [N], (time, unit); inf where air makes up for them."""
         braking = (self.way < 0.0)[:, None]
         limit = np.where(braking, self["brake_limit"], self["drive_limit"])
-        pull = self.axles * self["unit_gear"] / self["unit_radius"] * limit
-        return np.where(self.air[:, None], np.inf, pull)
+        pull = np.asarray(self.axles * self["unit_gear"] / self["unit_radius"] * limit)
+        pull[self.air] = np.inf
+        return pull
 
     @cached_property
     def motors(self) -> Floats:
@@ -110,23 +148,25 @@ class RecordedRun:
     @cached_property
     def bounds(self) -> TrainBounds:
         """In blended braking every trailer's brake group adds its own part of the plan, as far as the rail carries it."""
-        calm, trailing = self.settled, self.trailing
-        available, force, air = self.available[calm], self.force[calm], self.air[calm]
-        planned, parallel = self.planned[calm, None], self["unit_parallel"] > 0
-        carried = scale_weakest(available, self.unit, self.axles.size)
+        calm, units, (first, k) = self.settled, self.axles.size, self.stretches
+        k, air, carried = k[calm], self.air[calm], self.sums.carried.compress(calm, axis=0)
+        delivered, braked = self.sums.delivered.compress(calm, axis=1)
+        planned, most = self.planned[first, None], carried[:, :units]
+        parallel = self["unit_parallel"] > 0
         if parallel.any():
-            carried = np.where(parallel, available @ self.of_unit, carried)
-        most, part = np.minimum(carried, self.motors[calm]), planned * self["unit_static_load"]
-        plan, delivered = part.sum(axis=1), force[:, self.driven].sum(axis=1)
-        bound = np.maximum(most.sum(axis=1), 0.0)
-        apart = np.maximum(np.minimum(part, most).sum(axis=1), 0.0)
-        if air.any() and trailing.any():
-            groups, label = np.unique(self.group[trailing], return_inverse=True)
-            part = planned * np.bincount(label, self.load[trailing])
-            held = np.minimum(part, scale_weakest(available[:, trailing], label, groups.size))
-            braked = force[:, trailing]
-            for total, more in ((plan, part), (bound, held), (apart, held), (delivered, braked)):
-                total += np.where(air, more.sum(axis=1), 0.0)
+            limit = self["adhesion_limit"] * self["axle_load"]
+            available = np.maximum(limit, np.abs(self["rail_force"]))[calm]
+            most = np.where(parallel, available @ self.of_unit, most)
+        part = planned * self["unit_static_load"]
+        most = np.minimum(most, self.motors.compress(calm, axis=0))
+        plan, bound = part.sum(axis=1)[k], np.maximum(sum_columns(most), 0.0)
+        apart = np.maximum(sum_columns(np.minimum(part.take(k, axis=0), most)), 0.0)
+        if self.trailing.any():
+            part = planned * np.bincount(self.part[self.trailing] - units, self.load[self.trailing])
+            held = np.minimum(part.take(k, axis=0), carried[:, units:]).sum(axis=1)
+            more = part.sum(axis=1)[k], held, held, braked
+            for total, trailers in zip((plan, bound, apart, delivered), more, strict=True):
+                total += np.where(air, trailers, 0.0)
         return TrainBounds(plan, np.minimum(plan, bound), np.minimum(plan, apart), delivered)
 
     @cached_property
@@ -135,16 +175,16 @@ class RecordedRun:
 
         Each unit then delivers its own part of the plan, or what its motors give.
         """
-        wanted = self.planned[:, None] * self.load  # of an axle that acts, at its rim
-        wanted += self.turning * np.abs(self.command)[:, None]
-        trailing = self.trailing & self.air[:, None]
-        rim = np.minimum(wanted @ self.of_unit, self.at_rim).sum(axis=1)
-        rim += (wanted * trailing).sum(axis=1)
+        first, k = self.stretches
+        wanted = self.planned[first, None] * self.load  # of an axle that acts, at its rim
+        wanted += self.turning * np.abs(self.command[first, None])
+        trailing = self.trailing & self.air[first, None]
         turned = self.driven | trailing  # these wheelsets take their part of the rim's force
-        force = np.where(self.acting, self.force, 0.0).sum(axis=1)
         moved = self["car_mass"].sum() + (self.turning * ~turned).sum(axis=1)
         whole = moved + (self.turning * turned).sum(axis=1)
-        return np.asarray((moved * self.gain + rim - force) / whole)
+        rim = sum_columns(np.minimum(wanted.take(k, axis=0) @ self.of_unit, self.at_rim))
+        rim += (wanted * trailing).sum(axis=1)[k]
+        return np.asarray((moved[k] * self.gain + rim - self.sums.acting) / whole[k])
 
     @cached_property
     def end(self) -> int:
@@ -163,12 +203,43 @@ class RecordedRun:
         return car_jerk(self.dataset)[self.demand]
 
 
-def scale_weakest(values: Floats, label: NDArray[np.int64], labels: int) -> Floats:
-    """Number of its axles times the least of them, (time, label)."""
-    weakest = np.empty((len(values), labels))
-    for g in range(labels):
-        weakest[:, g] = (label == g).sum() * values[:, label == g].min(axis=1)
-    return weakest
+@jit
+def sum_axles(
+    way, air, runs, motors, part, force, limit, load, slip, top, rim, acting, total, carried, used
+):
+    """`AxleSums` into (time, axle), (2, time), (time, part), (2, axles); returns how many are used, slip, are locked.
+
+    `way`, `air`, `runs` (time,); `motors`, `part` (axle,); variables of the run from `force` to `rim` (time, axle).
+    """
+    n = slipping = locked = 0
+    for k in range(way.size):
+        demand, brakes, driven, braked = way[k], air[k], 0.0, 0.0
+        for i in range(part.size):
+            f, j = demand * force[k, i], part[i]
+            # at least the force carried: the limit is that of a driving wheel
+            most = max(limit[k, i] * load[k, i], abs(force[k, i]))
+            if j >= 0:
+                carried[k, j] = min(carried[k, j], most)
+                if motors[i]:
+                    driven += f
+                else:
+                    braked += f
+            acts = motors[i] or brakes
+            acting[k, i] = f if acts else 0.0
+            if acts and demand != 0.0:
+                used[0, n], used[1, n] = f, most
+                n += 1
+        total[0, k], total[1, k] = driven, braked
+        for i in range(part.size):
+            slipping += abs(slip[k, i]) > SLIP_FACTOR * top[k, i]
+            locked += runs[k] and abs(rim[k, i]) < STANDING_SPEED
+    return n, slipping, locked
+
+
+def sum_columns(values: Floats) -> Floats:
+    """`values.sum(axis=1)`, to the last bit, in a fifth of its time where there are few columns."""
+    few = 0 < values.shape[1] < 8
+    return np.asarray(reduce(np.add, values.T) if few else values.sum(axis=1))
 
 
 def series(run: xr.Dataset, name: str) -> NDArray[Any]:

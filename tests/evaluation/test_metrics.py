@@ -100,6 +100,25 @@ def test_equal_forces_have_equal_metrics_whatever_the_computers_on_board_think()
 
 
 @pytest.mark.parametrize("command", [ASKED, -ASKED])
+@pytest.mark.parametrize("unit", [(0, 0, -1), (0, 1, 2)])
+def test_one_pass_sums_over_axles_as_numpy_does(command, unit):
+    """Air brakes the trailer, which alone is no part of a pulling train."""
+    record = drawn(3, command=command, unit=unit, blended_brakes=1)
+    record = record.assign(slip_velocity=3.0 * record["slip_velocity"])
+    run, way, motors = RecordedRun(record), np.sign(command), np.array(unit) >= 0
+    force, rail = way * record["rail_force"].values, record["adhesion_limit"].values * LOAD
+    acts = motors | (command < 0.0)
+    np.testing.assert_allclose(run.sums.acting, force[:, acts].sum(axis=1))
+    trailing = 0.0 * force[:, 0] if command > 0.0 else force[:, ~motors].sum(axis=1)
+    np.testing.assert_allclose(run.sums.delivered, [force[:, motors].sum(axis=1), trailing])
+    for k, carried in enumerate(run.sums.carried.T):
+        np.testing.assert_allclose(carried, (k == run.part).sum() * rail[:, k == run.part].min(1))
+    np.testing.assert_allclose(run.sums.used, [force[:, acts].ravel(), rail[:, acts].ravel()])
+    slip = np.abs(record["slip_velocity"].values) > 2.0 * record["peak_slip"].values
+    assert run.sums.slipping == slip.sum() > 0
+
+
+@pytest.mark.parametrize("command", [ASKED, -ASKED])
 @pytest.mark.parametrize("unit", [None, (-1, -1)])
 def test_rail_that_carries_everything_gives_one_and_nothing_lost(command, unit):
     found = evaluate(made(np.full((1000, 2), 4e4), 0.6, command, unit=unit))
