@@ -13,6 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from alloc.onboard.controllers import CONTROLLERS
+from alloc.plant.columns import WHEELSET
 from alloc.rules import RULES
 from alloc.run.simulation import ADVANCE, COMMAND, Simulation
 from studies import StudyError
@@ -96,8 +97,9 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         self._run_period(shares)
         work = 1e-3 * float(world.wheelsets.friction_work.sum() - spent)
         run, planned = world.run[0], self._plan[len(self._played) - 1]
-        recorded = self.simulation.recording.wheelsets.rail_force[self.simulation.tick - 1]
-        force = run.sign * float(recorded.sum())  # at the start of the period
+        forces = self.simulation.recording.find_column(WHEELSET, "rail_force")
+        # at the start of the period
+        force = run.sign * float(forces[self.simulation.tick - 1].sum())
         effort = min(max(force, 0.0), abs(planned)) / (np.abs(self._plan).sum() or 1.0)
         observation, info = self._observe_units()
         return observation, float(effort - PRICE * work), False, self._ended, info

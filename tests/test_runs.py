@@ -208,6 +208,19 @@ def test_what_is_commanded_is_the_same_with_all_that_is_true_nan(name, rule, con
             np.testing.assert_array_equal(*commands)
 
 
+def test_a_run_is_not_changed_by_the_next():
+    """They share their layout, which is kept."""
+    run = simulate(event(duration=1.0))
+    before = run.copy(deep=True)
+    after = simulate(event(duration=1.0), "alone", "none")
+    xr.testing.assert_identical(run, before)
+    run["speed"].attrs["units"], run["speed"].values[:] = "km/h", np.nan
+    for other in (after, simulate(event(duration=1.0))):
+        assert other["speed"].attrs["units"] == "m s-1"
+        assert np.isfinite(other["speed"].values).all()
+    assert all(variable.values.flags.c_contiguous for variable in run.data_vars.values())
+
+
 def test_a_file_gives_the_run_back(tmp_path):
     run = simulate(event(duration=1.0))
     save(run, tmp_path / "run.nc")

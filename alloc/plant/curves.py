@@ -18,7 +18,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc import laws
 from alloc.backends import compiled as law
 from alloc.compilation import force_inline, jit
 from alloc.schema.errors import PlantError, blamed_on
@@ -95,6 +94,12 @@ def _coefficients(curve, q, speed, peak, contact, slip, values):
 
 
 @jit
+def _find_piecewise_tops(q0, q1, q2, q3, values):
+    for i in range(values.shape[1]):
+        values[1, i] = law.piecewise_top(values[0, i], q0, q1, q2, q3)
+
+
+@jit
 def _find_tops(curve, q, speed, peak, contact, values):
     for i in range(speed.size):
         values[0, i], values[1, i] = top(curve, q, speed[i], peak[i], contact[i])
@@ -112,9 +117,10 @@ def find_tops(
     curve: int, q: Floats, speed: ArrayLike, peak: ArrayLike, contact: ArrayLike = 1.0
 ) -> Any:
     """`top` of arrays, as of a record's (ticks, axles): largest coefficients, and slip velocities [m/s] there."""
-    if curve == PIECEWISE:  # NumPy's is as fast, and this needs no flat copies
+    if curve == PIECEWISE:  # no flat copies of what does not count, and no temporaries
         values = np.empty((2, *np.broadcast(speed, peak, contact).shape))
-        values[0], values[1] = peak, laws.piecewise_top(np.asarray(peak), *q[:4])
+        values[0] = peak
+        _find_piecewise_tops(*q[:4], values.reshape(2, -1))
         return values
     return _find_each(_find_tops, 2, curve, q, speed, peak, contact)
 

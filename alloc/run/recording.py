@@ -1,4 +1,4 @@
-"""The record of a run: rows of every control instant, which are the train's memory too, and the `xarray.Dataset` of them.
+"""The record of a run: tables at every control instant, some of them the train's memory too, and the `xarray.Dataset` of it.
 
 Names, units and meanings of its variables are those of the recorded columns (`alloc.onboard.columns`). Axles, cars and units
 are counted from 1 at the front.
@@ -9,7 +9,7 @@ import os
 import platform
 import shutil
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -26,37 +26,54 @@ from alloc.plant.columns import CAR, CYLINDER, DRIVE, PLANT, WHEELSET
 from alloc.plant.curves import find_tops
 from alloc.run.world import World
 from alloc.schema.errors import InputError, UnsoundRun
-from alloc.schema.tables import Rows, memory_words
+from alloc.schema.tables import Rows, Table, memory_words
 
 if TYPE_CHECKING:
     from alloc.run.event import Event
 
 
-class Recording(NamedTuple):
-    """Recorded rows (ticks, rows), and their memory in words of 8 bytes beside that of the rows as they are now.
+Words = tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...]
+"""Tables as they are now, and their record: in words of 8 bytes, as which compiled code copies numbers of any type."""
 
-    A late telegram, a cylinder's dead time, a delayed computation is a look-up in it.
+
+class Recording(NamedTuple):
+    """The record of a run: of what compiled code looks up in it rows (ticks, rows), of the plant's large tables columns.
+
+    A late telegram or a cylinder's dead time is a look-up. Columns are variables of the recorded run as they stand, so each
+    keeps those of its table in memory.
     """
 
-    wheelsets: Rows
-    cars: Rows
     cylinders: Rows
-    plant: Rows
     units: Rows
     run: Rows
-    memory: tuple[NDArray[np.int64], ...]
-    live: tuple[NDArray[np.int64], ...]
+    rows: Words
+    """Records (ticks, rows, columns)."""
+    columns: Words
+    """Records (columns, ticks, rows)."""
+
+    def find_column(self, table: Table, name: str) -> NDArray[Any]:
+        """Recorded values, (ticks, rows)."""
+        if table in _BY_ROW:
+            rows: Any = self[_BY_ROW.index(table)]
+            return np.asarray(rows[name])
+        columns = self.columns[_BY_COLUMN.index(table)][1]
+        return columns[table.recorded.names.index(name)].view(table.recorded[name])
 
 
 _TABLES = (WHEELSET, CAR, CYLINDER, PLANT, UNIT, RUN)
+_BY_ROW, _BY_COLUMN = (CYLINDER, UNIT, RUN), (WHEELSET, CAR, PLANT)
 
 
 def make_room(w: World) -> Recording:
     """Room for the record of a run."""
-    live = w.wheelsets, w.cars, w.cylinders, w.plant, w.units, w.run
-    tables = zip(_TABLES, live, strict=True)
-    rows = [table.record(w.command.size, live_rows.size) for table, live_rows in tables]
-    fields: Any = *rows, tuple(map(memory_words, rows)), tuple(map(memory_words, live))
+    ticks, by_row = w.command.size, (w.cylinders, w.units, w.run)
+    rows = [table.record(ticks, live.size) for table, live in zip(_BY_ROW, by_row, strict=True)]
+    columns = [
+        (memory_words(live), np.zeros((len(table.recorded.names), ticks, live.size), np.int64))
+        for table, live in zip(_BY_COLUMN, (w.wheelsets, w.cars, w.plant), strict=True)
+    ]
+    pairs = zip(map(memory_words, by_row), map(memory_words, rows), strict=True)
+    fields: Any = *rows, tuple(pairs), tuple(columns)
     return Recording(*fields)
 
 
@@ -72,33 +89,27 @@ def make_dataset(
     """The recorded run of `ended` ticks; raises `UnsoundRun` where the state has become no number."""
     period = event.onboard.period
     if not np.isfinite(w.state).all():
-        since = int(np.argmin(np.isfinite(record.plant.speed[:ended, 0]))) * period
-        reason = f"the state is no number from {since:g} s on"
+        speed = record.find_column(PLANT, "speed")[:ended, 0]
+        reason = f"the state is no number from {int(np.argmin(np.isfinite(speed))) * period:g} s on"
         raise UnsoundRun(f"event {event.name!r} under {rule} and {controller}: {reason}")
     instants = slice(0, ended, max(1, round(event.record_period / period)))
-    data = {}
+    kinds, data = [], {}
     for name, dims, values, unit, meaning in (
-        *_recorded_entries(record, instants),
+        *_recorded_entries(record.find_column, instants),
         *_derived_entries(record, instants, w),
     ):
-        attributes = {"units": unit, "long_name": meaning}
-        # numbers throughout: to look for dates in them would take half of the time
-        data[name] = xr.Variable(dims, np.ascontiguousarray(values), attributes, fastpath=True)
-    time = data.pop("time")
-    # of an array xarray would ask whether it is one of dask's, and import that where it is installed: a third of a second
-    coordinates = {
-        "time": xr.IndexVariable("time", pd.Index(time.values), time.attrs),
-        **_number_parts(
-            w.wheelsets.unit.tobytes(), w.wheelsets.car.tobytes(), w.cars.size, w.units.size
-        ),
-    }
-    return xr.Dataset(data, coordinates, _attributes(event, rule, controller, w, ended, wall_time))
+        kinds.append((name, dims, values.shape, values.dtype.str, unit, meaning))
+        data[name] = np.ascontiguousarray(values)
+    train = w.wheelsets.unit.tobytes(), w.wheelsets.car.tobytes(), w.cars.size, w.units.size
+    run = _lay_out(tuple(kinds), data.pop("time").tobytes(), *train).copy(data=data)
+    run.attrs = _attributes(event, rule, controller, w, ended, wall_time)
+    return run
 
 
-def _recorded_entries(record: Recording, instants: slice) -> Iterator[Entry]:
-    for table, rows in zip(_TABLES, record, strict=False):
+def _recorded_entries(find_column: Callable[[Table, str], Any], instants: slice) -> Iterator[Entry]:
+    for table in _TABLES:
         for name in table.recorded.names:
-            values, column = rows[name][instants], table.columns[name]
+            values, column = find_column(table, name)[instants], table.columns[name]
             dims: tuple[str, ...] = "time", table.name
             if table in (RUN, PLANT):
                 values, dims = values[:, 0], ("time",)
@@ -109,11 +120,11 @@ def _recorded_entries(record: Recording, instants: slice) -> Iterator[Entry]:
 
 def _derived_entries(record: Recording, instants: slice, w: World) -> Iterator[Entry]:
     """What follows from the record, and what does not change."""
-    plant, a, drives, time = w.plant[0], w.wheelsets, w.drives, record.run.time[instants, 0]
-    speed = record.cars.car_speed[instants]
+    plant, a, drives = w.plant[0], w.wheelsets, w.drives
+    speed, time = record.find_column(CAR, "car_speed")[instants], record.run.time[instants, 0]
     # of some curves the top costs more than a step of the plant
-    offered = record.wheelsets.offered[instants], a.contact
-    most, slip = find_tops(plant.curve_number, w.curve, speed[:, a.car], *offered)
+    offered = record.find_column(WHEELSET, "offered")[instants], a.contact
+    most, slip = find_tops(plant.curve_number, w.curve, speed.take(a.car, axis=1), *offered)
     text = "true adhesion coefficient: the largest over the slip"
     yield "adhesion_limit", ("time", "axle"), most, "1", text
     yield "peak_slip", ("time", "axle"), slip, "m s-1", "slip velocity of that largest"
@@ -150,25 +161,34 @@ def _derived_entries(record: Recording, instants: slice, w: World) -> Iterator[E
 
 
 @lru_cache(maxsize=16)
-def _number_parts(unit: bytes, car: bytes, cars: int, units: int) -> dict[str, xr.Variable]:
-    """Numbers of axles, cars and units; kept for the next run, since indexes take as long as the rest of the dataset."""
-    of_axle, of_car = np.frombuffer(unit, np.int64), np.frombuffer(car, np.int64)
-    counted = {"axle": of_axle.size, "car": cars, "unit": units}
-    coordinates: dict[str, Any] = {
-        name: xr.IndexVariable(
-            name,
-            pd.Index(np.arange(1, n + 1)),
-            {"long_name": f"number of the {name}, 1 = foremost"},
+def _lay_out(
+    kinds: tuple[tuple[Any, ...], ...], time: bytes, unit: bytes, car: bytes, cars: int, units: int
+) -> xr.Dataset:
+    """A recorded run without values; kept for the next one, since its variables and indexes take longer than the values."""
+    variables = {}
+    for name, dims, shape, kind, unit_of, meaning in kinds:
+        values, attributes = np.zeros((), kind), {"units": unit_of, "long_name": meaning}
+        variables[name] = xr.Variable(
+            dims, np.broadcast_to(values, shape), attributes, fastpath=True
         )
-        for name, n in counted.items()
+    # of an array xarray would ask whether it is one of dask's, and import that where it is installed: a third of a second
+    index = pd.Index(np.frombuffer(time))
+    coordinates: dict[str, Any] = {
+        "time": xr.IndexVariable("time", index, variables.pop("time").attrs)
     }
+    of_axle, of_car = np.frombuffer(unit, np.int64), np.frombuffer(car, np.int64)
+    for name, n in (("axle", of_axle.size), ("car", cars), ("unit", units)):
+        text = f"number of the {name}, 1 = foremost"
+        coordinates[name] = xr.IndexVariable(
+            name, pd.Index(np.arange(1, n + 1)), {"long_name": text}
+        )
     for name, values, meaning in (
         ("unit_of_axle", of_axle + 1, "traction unit of the axle, 1 = foremost, 0: none"),
         ("car_of_axle", of_car + 1, "car of the axle, 1 = foremost"),
     ):
         attributes = {"units": "1", "long_name": meaning}
         coordinates[name] = xr.Variable("axle", values, attributes, fastpath=True)
-    return coordinates
+    return xr.Dataset(variables, coordinates)
 
 
 def _attributes(
@@ -223,8 +243,9 @@ def check_whole(run: xr.Dataset) -> None:
     for name, count in counts.items():
         whole = np.array_equal(v[name], np.arange(1, count + 1))
         need(whole, f"{name} has {v[name].size} of {count}, or another order")
-    tables: Any = *(table.rows(1)[None] for table in _TABLES), (), ()
-    for name, dims, usual, of, _ in _recorded_entries(Recording(*tables), slice(None)):
+    usually = {table: table.rows(1)[None] for table in _TABLES}
+    entries = _recorded_entries(lambda table, name: usually[table][name], slice(None))
+    for name, dims, usual, of, _ in entries:
         if (variable := run.variables.get(name)) is not None:
             kind = variable.dtype.name.replace("int32", "int64")  # netCDF 3 has no longer ones
             unit_of = variable.attrs.get("units", of)

@@ -265,8 +265,11 @@ def record_and_advance(
     note_instant(state, stages[0], wheelsets, cars, drives, cylinders, plant)
     # Recorded columns are the first words of a row: one copy of words serves columns of all types, where rows of two types
     # would be copied field by field.
-    for n in range(len(recording.memory)):
-        live, memory = recording.live[n], recording.memory[n]
+    for live, columns in recording.columns:
+        for c in range(columns.shape[0]):
+            for i in range(columns.shape[2]):
+                columns[c, k, i] = live[i, c]
+    for live, memory in recording.rows:
         for i in range(memory.shape[1]):
             for c in range(memory.shape[2]):
                 memory[k, i, c] = live[i, c]
