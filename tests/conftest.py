@@ -1,13 +1,33 @@
 """What holds for the whole suite."""
 
+import gc
 import os
 import resource
+import subprocess
 import sys
 
 import pytest
 
 # before NumPy is imported, as for the command: threads of BLAS wait for each other, and the cores are for processes
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+COMPILE = """
+from alloc.onboard.controllers import CONTROLLERS
+from alloc.rules import RULES
+from studies.runner.shared_code import prepare_code
+prepare_code([*RULES], [*CONTROLLERS])
+"""
+
+
+def pytest_configure(config):
+    """One process compiles what all then load; and what they load is kept, so they look for garbage rarely."""
+    from studies import RARELY
+
+    gc.set_threshold(*RARELY)
+    if getattr(config.option, "numprocesses", 0) and not hasattr(config, "workerinput"):
+        subprocess.run([sys.executable, "-c", COMPILE], cwd=config.rootpath, check=True)
+
 
 MOST_MEMORY = 3.5e9
 """What a process of the tests may take at its worst [bytes]."""
