@@ -1,11 +1,13 @@
 """README and pages: Python runs, commands parse, links and places in the code exist, README's numbers are stored."""
 
 import csv
+import io
 import os
 import re
 import shlex
 import subprocess
 import sys
+from contextlib import chdir, redirect_stdout
 from itertools import pairwise
 from pathlib import Path
 from pydoc import locate
@@ -13,7 +15,7 @@ from pydoc import locate
 import pytest
 
 from paper_figs import all_figures
-from studies.command.command_line import app
+from studies.command.command_line import app, run
 from studies.runner.catalogue import STUDIES
 
 ROOT = Path(__file__).parents[2]
@@ -38,7 +40,11 @@ def commands(page):
 
 
 def printed(words, folder):
-    """What a command prints."""
+    """What a command prints; that of the project runs in this process, for starting another takes longer than it does."""
+    if words[0] == "readhesion":
+        with chdir(folder), redirect_stdout(io.StringIO()) as output:
+            assert run(words[1:]) == 0, words
+        return output.getvalue()
     paths = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     environment = os.environ | paths | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True)
@@ -54,8 +60,8 @@ def test_blocks_run_and_print_what_stands_below_them(page, tmp_path):
     for name, text in files.items():
         (tmp_path / name).write_text(text, "utf-8")
     own = [words for words in commands(page) if page == FIRST or files.keys() & words]
-    run = [[sys.executable, "page.py"], *own]
-    said = "".join(printed(words, tmp_path) for words in run)
+    program = [sys.executable, "page.py"]
+    said = "".join(printed(words, tmp_path) for words in [program, *own])
     for (before, _), (language, text) in pairwise(blocks):
         if language == "text" and (before == "python" or (before == "sh" and own)):
             assert [line for line in text.splitlines() if line not in said] == []
