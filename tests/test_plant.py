@@ -246,10 +246,10 @@ def test_solution_is_that_of_scipy(form):
     w.plant.conditioning, w.scatter[:] = 0.0, 0.0
     w.y[:] = w.state(10.0)
     found = solve_ivp(
-        independent, (0.0, 0.2), w.y.copy(), args=(w,), rtol=1e-8, atol=1e-8, max_step=2e-3
+        independent, (0.0, 0.1), w.y.copy(), args=(w,), rtol=1e-8, atol=1e-8, max_step=2e-3
     )
     speeds = slice(w.bodies, 2 * w.bodies + w.wheelsets.size)
-    assert np.allclose(w.run(0.2, step=0.0005)[speeds], found.y[speeds, -1], atol=1e-6)
+    assert np.allclose(w.run(0.1, step=0.0005)[speeds], found.y[speeds, -1], atol=1e-6)
 
 
 @looped("form", FORMS)

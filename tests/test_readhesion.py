@@ -77,10 +77,12 @@ def test_axles_cars_and_units_are_counted_from_1(run):
 
 
 def test_runs_are_saved_and_loaded_by_several_threads_at_once(run, tmp_path):
+    begin = run.isel(time=slice(100))
+
     def round_trip(k):
         path = str(tmp_path / f"run {k % 6}-{k}.nc")
-        r.save(run, path)
-        return r.load(path).identical(run)
+        r.save(begin, path)
+        return r.load(path).identical(begin)
 
     with ThreadPoolExecutor(4) as threads:
         assert all(threads.map(round_trip, range(24)))

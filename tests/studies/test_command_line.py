@@ -15,6 +15,7 @@ import pytest
 
 from studies.command import command_line as cli
 from studies.command.command_line import run
+from studies.runner.workers import TOGETHER
 from tests.cases import looped
 
 ROOT = cli.Path(cli.__file__).parents[2]
@@ -246,7 +247,9 @@ def test_a_command_that_is_stopped_keeps_its_rows_and_goes_on(elsewhere):
     command = ["compare", "--rules", "alone", "--controllers", "none", "--jobs", "2"]
     program = [sys.executable, "-m", "studies.command.command_line", *command]
     process = subprocess.Popen(program, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
-    while not (elsewhere / "results" / "compare" / "rows.jsonl").exists():
+    stored = elsewhere / "results" / "compare" / "rows.jsonl"
+    # until some rows are counted, and others added
+    while not stored.exists() or len(stored.read_bytes().splitlines()) <= TOGETHER:
         assert process.poll() is None
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
