@@ -251,7 +251,7 @@ def export_comparison(rows: pd.DataFrame) -> dict[str, Any]:
     for case, runs in rows.groupby(columns, sort=False):
         good, bad = runs.loc[runs["status"] == "ok", names], runs[runs["status"] != "ok"]
         centre, n = good.mean(), good.count()
-        half = good.std() * (scipy.special.stdtrit((n - 1).clip(1), 0.975) / np.sqrt(n))
+        half = good.std() * (scipy.stats.t.ppf(0.975, (n - 1).clip(1)) / np.sqrt(n))
         numbers = dict.fromkeys(names) | {
             name: {"mean": float(centre[name]), "half_width": float(half.fillna(0.0)[name])}
             for name in names

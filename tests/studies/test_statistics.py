@@ -12,7 +12,6 @@ from studies.statistics import (
     TOO_FEW,
     UNDECIDED,
     Claim,
-    _find_p_value,
     holm,
     judge,
     mean,
@@ -54,20 +53,6 @@ def test_texts_without_an_interval(values, text):
 
 def test_a_share_has_the_interval_of_wilson():
     assert share([True] * 9 + [False]).low == pytest.approx(0.5958, abs=1e-4)  # Wilson 1927
-
-
-@pytest.mark.parametrize("events", [12, 40, 500])
-def test_numbers_are_those_of_scipy(events):
-    """Whose `stats` take a second to import."""
-    x = np.random.default_rng(events).exponential(1.0, events)
-    wider = stats.t.ppf(0.975, events - 1) * np.sqrt(events / (events - 1))
-    level, rng = 1 - 2 * stats.norm.cdf(-wider), np.random.default_rng(0)
-    reference = stats.bootstrap((x,), np.mean, n_resamples=1999, confidence_level=level, rng=rng)
-    np.testing.assert_allclose(mean(x)[1:3], reference.confidence_interval, rtol=1e-12)
-    p = stats.ttest_1samp(x, 0.9).pvalue
-    assert _find_p_value(x, Claim("", "", x, least=0.9)) == pytest.approx(p, rel=1e-12)
-    wilson = stats.binomtest(int((x < 1.0).sum()), events).proportion_ci(method="wilson")
-    np.testing.assert_allclose(share(x < 1.0)[1:3], wilson, rtol=1e-12)
 
 
 def test_holm_tests_the_smallest_at_the_strictest_level():
