@@ -49,7 +49,6 @@ from alloc.schema.tables import Column, Table
 from studies import StudyError as _StudyError
 from studies import benchmark as _benchmark
 from studies import compare as _compare
-from studies.command.options import check_file as _check_file
 from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario
 from studies.run_cell import recorded as _recorded
@@ -240,7 +239,9 @@ def plot(run: _xr.Dataset, path: str | _Path | None = None) -> _Any:
 
 def save(run: _xr.Dataset, path: str | _Path) -> None:
     """Write a recorded run, as netCDF (.nc) or for MATLAB (.mat); raises `InputError` for a file that cannot be."""
-    _check_file(_Path(path), ".nc", ".mat")
+    from studies.command.options import check_file  # which imports what reads options
+
+    check_file(_Path(path), ".nc", ".mat")
     _save(run, path)
 
 

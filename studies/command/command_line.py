@@ -139,7 +139,7 @@ def simulate(
     from alloc.run.recording import save
     from studies.files.scenario import DRAWN, find_remarks
     from studies.files.scenario_files import load_scenario
-    from studies.run_cell import recorded
+    from studies.run_cell import event_of, recorded
     from studies.runner.plugins import try_own_parts
 
     event = load_scenario(scenario)
@@ -149,7 +149,7 @@ def simulate(
     check_file(out, ".nc", ".mat")
     check_file(figure, ".pdf", ".png", ".svg")
     if DRAWN.fullmatch(event.name) is None:
-        _print_messages(*find_remarks(event.event(seed)))
+        _print_messages(*find_remarks(event_of(event, seed)))
     elif seed != event.first_seed:
         _print_messages(
             f"seed {seed} draws other errors than the rows of {event.name}, which have seed {event.first_seed}"
