@@ -55,10 +55,16 @@ def vary_rail(t, y, wheelsets, bodies, patches, scatter, plant):
         p = patches[k]
         change = law.window(t, p.begin, p.until, p.fade) * (p.factor - 1.0)
         if change != 0.0:
+            start, end, edge = p.start, p.end, p.edge
+            half = 0.5 * edge
             for i in range(wheelsets.size):
                 a = wheelsets[i]
-                inside = law.window(y[a.body] + a.offset, p.start, p.end, p.edge)
-                a.offered += change * inside * (a.offered - a.increment)
+                place, inside = y[a.body] + a.offset, 1.0
+                # beyond the edges the window is 0 or 1 to the last bit, and its divisions are spared
+                if place - start > -half and end - place > -half:
+                    if place - start < half or end - place < half:
+                        inside = law.window(place, start, end, edge)
+                    a.offered += change * inside * (a.offered - a.increment)
     if plant.scatter_length > 0.0:
         for i in range(wheelsets.size):
             a = wheelsets[i]
