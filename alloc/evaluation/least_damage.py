@@ -83,9 +83,9 @@ def find_best_splits(run: RecordedRun) -> BestSplits | None:
         return None
 
     def select_axles(name: str) -> Floats:
-        return np.ascontiguousarray(run[name][instants][:, axles], dtype=float)
+        return run[name].take(instants, axis=0).take(axles, axis=1).astype(float)
 
-    speed = np.ascontiguousarray(np.abs(run["car_speed"][instants][:, run["axle_car"][axles]]))
+    speed = np.abs(run["car_speed"].take(instants, axis=0).take(run["axle_car"][axles], axis=1))
     values = np.atleast_1d(np.asarray(run.attrs["curve_values"], dtype=float))
     # a part has one torque: a unit, or an axle of a unit whose motors are in parallel
     unit, pull = run.unit[axles], run.motors[instants]
@@ -119,14 +119,14 @@ def tabulate_splits(
     Between steps of w, power is a parabola of force.
     """
     table, most = np.empty((top.shape[1], NODES + 1)), np.empty(top.shape[1])
-    force, power, middle, price, root = np.zeros((5, STEPS + 1))
+    force, power, middle, price, root, place, above, width = np.zeros((8, STEPS + 1))
     for k in range(top.shape[0]):
         for i in range(top.shape[1]):  # coefficients, then w, at the slips (node / NODES)^2 top
             v, slip, w, offered = speed[k, i], way[k] * top[k, i], table[i], peak[k, i]
             steep, breadth = values[0], 0.0
             if curve == PIECEWISE:  # quick without its tail, an exponential
                 breadth = law.parabola_breadth(offered, steep, values[1], values[2], values[3])
-            for node in range(NODES + 1):
+            for node in range(1, NODES + 1):
                 part = slip * SQUARES[node]
                 if curve == PIECEWISE:
                     w[node] = way[k] * law.piecewise_rise(abs(part), offered, steep, breadth)
@@ -134,7 +134,8 @@ def tabulate_splits(
                     w[node] = coefficient(curve, values, part, v, v + part, offered, contact[i])
             best = max(way[k] * w[NODES], 1e-12)
             most[i] = best * load[k, i]
-            for node in range(NODES + 1):
+            w[0] = 1.0  # 48 nodes and 32 steps fill whole vectors, 49 and 33 would not
+            for node in range(1, NODES + 1):
                 w[node] = np.sqrt(max(1.0 - way[k] * w[node] / best, 0.0))
             for node in range(NODES):
                 w[node + 1] = min(w[node], w[node + 1])
@@ -146,26 +147,27 @@ def tabulate_splits(
                 continue
             power[:] = 0.0
             for i in range(first[j], first[j + 1]):
-                for m in range(STEPS + 1):
+                for m in range(1, STEPS + 1):
                     root[m] = np.sqrt(max(1.0 - cap * PARTS[m] / most[i], 0.0))
                 w, node = table[i], 0
-                for m in range(STEPS + 1):
+                for m in range(1, STEPS + 1):
                     while node < NODES - 1 and root[m] < w[node + 1]:
                         node += 1
-                    width = max(w[node] - w[node + 1], 1e-9)
-                    inside = min(max((w[node] - root[m]) / width, 0.0), 1.0)
-                    slip = top[k, i] * (node * node + inside * (2 * node + 1)) / NODES**2
-                    power[m] += slip * (cap * PARTS[m])
-            for m in range(STEPS + 1):
+                    place[m], above[m], width[m] = node, w[node], max(w[node] - w[node + 1], 1e-9)
+                for m in range(1, STEPS + 1):
+                    inside = min(max((above[m] - root[m]) / width[m], 0.0), 1.0)
+                    square = place[m] * place[m] + inside * (2.0 * place[m] + 1.0)
+                    power[m] += top[k, i] * square / NODES**2 * (cap * PARTS[m])
+            for m in range(1, STEPS + 1):
                 force[m] = number * (cap * PARTS[m])
             for m in range(STEPS):
                 slope = (power[m + 1] - power[m]) / (force[m + 1] - force[m])
                 price[m + 1], middle[m + 1] = max(slope, price[m]), 0.5 * (force[m] + force[m + 1])
             q = 0
             for m in range(STEPS):  # the best force at a cost lies between the middles of two steps
-                rise, width = middle[m + 1] - middle[m], max(price[m + 1] - price[m], 1e-12)
+                rise, more = middle[m + 1] - middle[m], max(price[m + 1] - price[m], 1e-12)
                 while q < COSTS.size and COSTS[q] < price[m + 1]:
-                    f = middle[m] + rise * (COSTS[q] - price[m]) / width
+                    f = middle[m] + rise * (COSTS[q] - price[m]) / more
                     n = m if 0.0 < f <= force[m] else m + 1
                     step = force[n] - force[n - 1]
                     u = (f - force[n - 1]) / step

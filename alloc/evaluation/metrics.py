@@ -204,7 +204,8 @@ def slip_time(run: RecordedRun) -> float:
 @metric("slip_peak", "m/s", better=-1, within=NEVER_NEGATIVE)
 def slip_peak(run: RecordedRun) -> float:
     """Largest slip velocity of any axle."""
-    return np.abs(run["slip_velocity"]).max()
+    slip = run["slip_velocity"]
+    return max(slip.max(), -slip.min())
 
 
 @metric("locked_time", "s", better=-1, within=NEVER_NEGATIVE)
