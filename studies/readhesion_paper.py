@@ -133,10 +133,17 @@ def _rail_peak(time, high, low, recovery):
 
 
 @jit
+def _coefficient(slip, peak, curve):
+    """Adhesion coefficient, (1) to (6)."""
+    steep, curvature, tail, ratio, most = curve
+    return law.piecewise_coefficient(slip, peak, steep, curvature, tail, ratio, most)
+
+
+@jit
 def _motion_rates(time, v, omega, torque, command, rail, curve, downhill):
     """Accelerations of train and wheelset, (8) and (7), and the rate of the motor torque."""
     slip = RADIUS * omega - v  # (9)
-    force = LOAD * GRAVITY * law.piecewise_coefficient(slip, _rail_peak(time, *rail), *curve)
+    force = LOAD * GRAVITY * _coefficient(slip, _rail_peak(time, *rail), curve)
     turning = (GEAR * torque - RADIUS * force) * (1.0 / INERTIA)
     return (force - downhill) / MASS, turning, (command - torque) * (1.0 / LAG)
 
@@ -156,7 +163,7 @@ def _integrate(table, rail, curve, downhill, h, every, record):
         if k % every == 0:
             n, slip, peak = k // every, RADIUS * omega - v, _rail_peak(time, *rail)
             record[n, 0], record[n, 1] = slip, peak
-            record[n, 2] = law.piecewise_coefficient(slip, peak, *curve)
+            record[n, 2] = _coefficient(slip, peak, curve)
             record[n, 3], record[n, 4], record[n, 5] = torque, command, factor
         a1, b1, c1 = _motion_rates(time, v, omega, torque, command, rail, curve, downhill)
         middle = time + half

@@ -157,8 +157,10 @@ def interrupted(unit, axles, memory, run):
 )
 def test_what_a_part_in_python_raises_ends_the_run_and_frees_its_memory(control, raised):
     run = Simulation(event(), "alone", Controller("own", control, ""))
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with pytest.raises(raised, match="no torque" if raised is InputError else None):
         run.run_to_end()
+    assert signal.signal(signal.SIGINT, before) is signal.default_int_handler
     assert 0.5 < run.world.run[0].time < 0.52
     left = weakref.ref(run.world.state)
     del run
