@@ -4,6 +4,7 @@
 does not know, is left to the workers: its cells say what is wrong.
 """
 
+import ctypes
 import gc
 import json
 import os
@@ -12,13 +13,12 @@ from contextlib import suppress
 from itertools import zip_longest
 
 from alloc.evaluation.metrics import evaluate
+from alloc.plant.curves import POLACH_WET
 from alloc.run.simulation import simulate
 from studies import RARELY
 from studies.files.scenario_files import load_scenario
 from studies.runner.plugins import TRIAL
-
-PARTS = "READHESION_PARTS"
-"""Environment variable: rules and controllers, as JSON."""
+from studies.runner.workers import PARTS
 
 
 def prepare_code(rules: list[str], controllers: list[str]) -> None:
@@ -27,12 +27,15 @@ def prepare_code(rules: list[str], controllers: list[str]) -> None:
     for rule, controller in zip_longest(rules, controllers):
         with suppress(Exception):
             evaluate(simulate(event, rule or rules[0], controller or controllers[0]))
+    POLACH_WET.top(1.0, 0.2)  # of a curve whose top is searched for
 
 
 gc.set_threshold(*RARELY)
 if PARTS in os.environ:
-    # it ends at once where the program is stopped
-    interrupted = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # it ends at once where the program is stopped, or killed: Linux's PR_SET_PDEATHSIG
+    interrupted, prctl = signal.signal(signal.SIGINT, signal.SIG_DFL), ctypes.CDLL(None).prctl
+    prctl(1, signal.SIGKILL)
     prepare_code(*json.loads(os.environ[PARTS]))
+    prctl(1, 0)
     signal.signal(signal.SIGINT, interrupted)
 gc.freeze()  # a search for garbage would write to what workers share

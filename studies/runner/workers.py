@@ -28,6 +28,8 @@ REACHED = 10
 """Seconds within which a scheduler answers and has a worker."""
 TOGETHER = 8
 """Cells that are handed out together at most; neighbours share what they prepare."""
+PARTS = "READHESION_PARTS"
+"""Environment variable for the server of workers: rules and controllers, as JSON."""
 
 
 def count_cores() -> int:
@@ -80,7 +82,7 @@ def start_processes(jobs: int, parts: list[list[str]]) -> Iterator[Executor]:
     if sys.platform == "linux":
         context.set_forkserver_preload(["studies.run_cell", "studies.runner.shared_code"])
         if all(parts):
-            os.environ["READHESION_PARTS"] = json.dumps(parts)
+            os.environ[PARTS] = json.dumps(parts)
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(jobs, context, begin_worker)
     try:
