@@ -34,7 +34,8 @@ COLUMNS = {
 CONTROLLERS_COMPARED = ("cut-and-ramp", "perturb-observe", "mpc")
 LEFT_OUT = ("qp-cvxpy", "qp-robust", "wear-qp")
 """Rules that answer as another does, or are told what no train knows; they run where they are named."""
-SEEDS = 5
+SEEDS = 2
+"""Days 3 to 5 narrowed the intervals over events by 0.9 % in the median, and moved no mean by more than half of one."""
 FEW = 5
 """Events below which intervals are over events and seeds, and say nothing of other events."""
 

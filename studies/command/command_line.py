@@ -77,7 +77,7 @@ def compare(
         scenario: Shipped scenarios or TOML files [default: all that ship but faults of single functions].
         rules: Allocation rules [default: all that differ].
         controllers: Readhesion controllers [default: cut-and-ramp, perturb-observe, mpc].
-        seeds: Number of seeds of every event; the first, 0, is the event as its file says [default: 5].
+        seeds: Number of seeds of every event; the first, 0, is the event as its file says [default: 2].
     """
     from studies import compare as comparison
     from studies.files.scenario import find_remarks
