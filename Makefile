@@ -13,7 +13,7 @@ STUDY  ?= claims braking learning readhesion_paper jp4209318 rtri jph07322414 \
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare report figures results docs test lint types clean
+.PHONY: help setup compare report figures results docs test bench scaling peers lint types clean
 
 help:      ## list the targets
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
@@ -60,6 +60,15 @@ docs: $(DOCS)        ## build the documentation site into build/docs; a warning 
 
 test: setup          ## run the tests
 	$(BIN)/python -m pytest -n 2
+
+bench: setup         ## what this checkout costs over another: BASE=../other
+	$(BIN)/python tests/performance.py $(BASE)
+
+scaling: setup       ## how cost grows: parts of the plant, axles, units, a cluster
+	$(BIN)/python tests/scaling.py
+
+peers: setup         ## what other integrators and solvers cost over this project
+	$(BIN)/python tests/peers.py
 
 lint: setup          ## style
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .
