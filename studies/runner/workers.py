@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 REACHED = 10
 """Seconds within which a scheduler answers and has a worker."""
 TOGETHER = 8
-"""Cells that are handed out together at most; neighbours share what they prepare."""
+"""Cells that are handed out together; neighbours share what they prepare."""
+MOST_TASKS = 20_000
+"""Beyond, more cells are handed out together: a scheduler takes 2 ms a task, however much is in it."""
 PARTS = "READHESION_PARTS"
 """Environment variable for the server of workers: rules and controllers, as JSON."""
 
@@ -44,7 +46,7 @@ def compute_rows(
     scheduler: str | None,
 ) -> Generator[dict[str, list[Row]], None, None]:
     """Rows of `cells`, which have their keys before them: of some cells at a time, by these keys."""
-    size = min(TOGETHER, len(cells) // (8 * jobs) + 1)
+    size = min(max(TOGETHER, len(cells) // MOST_TASKS), len(cells) // (8 * jobs) + 1)
     tasks = (pickle.dumps((run, cells[k : k + size])) for k in range(0, len(cells), size))
     files, jobs = loaded_files(), min(jobs, len(cells))
     if scheduler is None and jobs == 1:
