@@ -104,9 +104,7 @@ def by_scipy(method: str) -> tuple[Any, Any]:
 
 
 def by_jax(kind: str) -> tuple[Any, Any]:
-    import jax
-    from jax import numpy as jnp
-
+    jax, jnp = import_module("jax"), import_module("jax.numpy")
     jax.config.update("jax_enable_x64", True)
     names = ("maximum", "minimum", "exp", "sqrt", "copysign", "where")
     law = laws_of(lambda law: law, absolute=jnp.abs, **{key: getattr(jnp, key) for key in names})
@@ -175,21 +173,19 @@ def by_problem(solver: str) -> tuple[Any, Any]:
 
 
 def by_qpmpc(solver: str) -> tuple[Any, Any]:
-    from qpmpc import MPCProblem, solve_mpc
-
+    peer = import_module("qpmpc")
     rows, ours = start_problems()
     bounds, goal = (None, np.array([[1.0], [-1.0]]), np.array([1.5, 0.0])), np.zeros(3)
     problems = []
     for row in rows:
         begin = np.array([row.slip / SLIP, row.torque / torque_scale(row), 1.0])
         model = *find_model(row), *bounds, 15, 1e-9, None, 1.0, begin, goal
-        problems.append(MPCProblem(*model, target_inputs=np.full(15, 1.5)))
-    return ours, lambda: [solve_mpc(problem, solver) for problem in problems]
+        problems.append(peer.MPCProblem(*model, target_inputs=np.full(15, 1.5)))
+    return ours, lambda: [peer.solve_mpc(problem, solver) for problem in problems]
 
 
 def by_do_mpc(solver: str) -> tuple[Any, Any]:
-    import do_mpc
-
+    do_mpc = import_module("do_mpc")
     rows, ours = start_problems()
     (onward, into), model = find_model(rows[0]), do_mpc.model.Model("discrete")
     state, command = model.set_variable("_x", "state", (3, 1)), model.set_variable("_u", "command")
