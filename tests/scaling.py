@@ -199,7 +199,7 @@ def cells(events, seed):
 STUDY = Study("stub", "how many rows a scheduler can hand out", cells, run, lambda rows: rows)
 """
 """A study whose rows cost nothing, and are as wide as those of runs."""
-ROWS = 8_000
+ROWS = 100_000
 
 
 @contextmanager
@@ -236,7 +236,8 @@ def count_cpu(process: int) -> float:
 
 def cluster() -> pd.DataFrame:
     """Rows a second of a comparison by one and two workers, and of a study that computes nothing; who takes CPU."""
-    scenarios = [load_scenario(name) for name in ("wet-patch", "wet-stop")]
+    names = "wet-patch", "wet-stop", "wet-start", "wet-front", "failed-unit", "uneven-load"
+    scenarios = [load_scenario(name) for name in names]
     lines = []
     with TemporaryDirectory() as folder:
         Path(folder, "stub.py").write_text(STUB, "utf-8")
