@@ -206,7 +206,10 @@ ROWS = 100_000
 def start_cluster(folder: str, workers: int) -> Iterator[tuple[str, list[int]]]:
     """The file of a Dask scheduler with workers of one thread; its process, and theirs."""
     file, processes = f"{folder}/scheduler-{workers}.json", []
-    for kind, *options in (["scheduler", "--port", "0"], *[["worker", "--no-nanny"]] * workers):
+    for kind, *options in (
+        ["scheduler", "--port", "0"],
+        *[["worker", "--nthreads", "1", "--no-nanny"]] * workers,
+    ):
         words = (
             sys.executable,
             "-m",

@@ -116,7 +116,7 @@ def test_the_default_grid():
     chosen = compare.choose_grid()
     cells = chosen.cells()
     assert {"alone", "greedy", "cooperative", "oracle"} < set(chosen.rules)
-    assert len(cells) == 14 * len(chosen.rules) * 3 * 5
+    assert len(cells) == 14 * len(chosen.rules) * 3 * 2
     assert len({cell.name for cell in cells}) == len(cells)
 
 
