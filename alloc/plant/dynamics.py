@@ -49,21 +49,26 @@ def changes_rail(plant):
 
 
 @force_inline
+def find_share(x, start, end, edge):
+    """`law.window`; away from its edges it is 0 or 1 to the last bit, so that no division is needed."""
+    half, behind, ahead = 0.5 * edge, x - start, end - x
+    if behind <= -half or ahead <= -half:
+        return 0.0
+    return 1.0 if behind >= half and ahead >= half else law.window(x, start, end, edge)
+
+
+@force_inline
 def vary_rail(t, y, wheelsets, bodies, patches, scatter, plant):
     """Patches, scatter, and what wheels have cleaned, on the adhesion coefficient that the rail offers."""
     for k in range(patches.size):
         p = patches[k]
-        change = law.window(t, p.begin, p.until, p.fade) * (p.factor - 1.0)
+        change = find_share(t, p.begin, p.until, p.fade) * (p.factor - 1.0)
         if change != 0.0:
             start, end, edge = p.start, p.end, p.edge
-            half = 0.5 * edge
             for i in range(wheelsets.size):
                 a = wheelsets[i]
-                place, inside = y[a.body] + a.offset, 1.0
-                # beyond the edges the window is 0 or 1 to the last bit, and its divisions are spared
-                if place - start > -half and end - place > -half:
-                    if place - start < half or end - place < half:
-                        inside = law.window(place, start, end, edge)
+                inside = find_share(y[a.body] + a.offset, start, end, edge)
+                if inside > 0.0:
                     a.offered += change * inside * (a.offered - a.increment)
     if plant.scatter_length > 0.0:
         for i in range(wheelsets.size):
@@ -239,19 +244,19 @@ def derivative(
 
     # the cars
     total, last = 0.0, line.size - 1.000001
+    grade, air = line[0].grade, line[0].air
     for k in range(cars.size):
         c, body = cars[k], cars[k].body
-        place = (y[body] + c.middle - plant.line_origin) / plant.line_spacing
-        place = min(max(place, 0.0), last)
-        point = line[int(place)]
-        grade, air = point.grade, point.air
         if line.size > 1:
-            part, ahead = place - int(place), line[int(place) + 1]
-            grade += part * (ahead.grade - grade)
-            air += part * (ahead.air - air)
+            place = (y[body] + c.middle - plant.line_origin) / plant.line_spacing
+            place = min(max(place, 0.0), last)
+            point, ahead, part = line[int(place)], line[int(place) + 1], place - int(place)
+            grade = point.grade + part * (ahead.grade - point.grade)
+            air = point.air + part * (ahead.air - point.air)
         speed, quadratic = y[bodies + body], c.resistance_quadratic * air
         drag = law.resistance(speed, c.resistance, c.resistance_linear, quadratic)
-        drag += law.gradient_force(c.mass, grade)
+        if grade != 0.0:  # most lines are level
+            drag += law.gradient_force(c.mass, grade)
         lost += drag * speed
         total += c.force - drag
         dy[bodies + body] = c.force - drag
@@ -261,9 +266,11 @@ def derivative(
         coupled = pull_couplers(y, dy, cars, bodies)
 
     # the motors, behind commands within what they and the line allow at the units' rim speeds
-    share = law.power_taken(
-        t, plant.receptivity_mean, plant.receptivity_amplitude, plant.receptivity_period, plant.receptivity_phase
-    )  # fmt: skip
+    share = plant.receptivity_mean
+    if plant.receptivity_amplitude > 0.0:
+        share = law.power_taken(
+            t, share, plant.receptivity_amplitude, plant.receptivity_period, plant.receptivity_phase
+        )
     for j in range(drives.size):
         u = drives[j]
         kmh = 3.6 * abs(dy[torque + j]) * u.radius / u.axles
