@@ -78,7 +78,7 @@ PARTS = {
     "adhesion by speed": ("a = wheelsets[i]\n        if bodies > 1", "    if changes_rail"),
     "patches": ("if changes_rail", "\n    # the wheelsets"),
     "adhesion curve": ("mu = law.piecewise", "        force = mu"),
-    "wheelsets, sums": ("a, turning = wheelsets[i], y", "    if plant.parallel"),
+    "wheelsets, with curve and sums": ("a, turning = wheelsets[i], y", "    if plant.parallel"),
     "cylinders": ("b, p = cylinders[g]", "    if pressed"),
     "cars": ("c, body = cars[k]", "    if plant.body_mass"),
     "motors": ("u = drives[j]", "\n    works = friction"),
@@ -86,8 +86,8 @@ PARTS = {
 """What is left out of the source, from these words to those; a loop stays, with nothing in it."""
 FLOORS = {
     "adhesion by speed": "max(x[0, i] * 0.01 + x[1, i] + x[2, i], 1e-3)",
-    "adhesion curve": "law.piecewise_coefficient(x[0, i], x[1, i], 8.0, 70.0, 0.4, 0.3, 0.1)",
-    "wheelsets, sums": "(x[2, i] * x[3, i] - x[4, i] * (x[0, i] * x[1, i])) / x[5, i]",
+    "adhesion curve": "law.piecewise_coefficient(0.03 * x[0, i], x[1, i], 5.0, 40.0, 0.05, 0.9, 1.0)",
+    "wheelsets, with curve and sums": "(x[2, i] * x[3, i] - x[4, i] * (x[0, i] * x[1, i])) / x[5, i]",
     "cylinders": "law.pressure_rate(x[0, i], x[1, i], x[2, i], x[3, i], x[4, i])",
     "cars": "x[5, i] - law.resistance(x[0, i], x[1, i], x[2, i], x[3, i]) - law.gradient_force(x[4, i], x[6, i])",
     "motors": "law.torque_rate(x[0, i], x[1, i], look_up(x, 0, x[2, i]), look_up(x, 1, x[3, i]), x[4, i])",
