@@ -140,23 +140,32 @@ def last_use(*arrays: Any) -> None:
 
 
 @contextmanager
-def signals_afterwards() -> Iterator[list[int]]:
-    """Signals that Python handles are handled at the end; the list has those that came. In compiled code, or in CasADi's, an
-    exception that a handler raises can turn up as another, or nowhere."""
-    came: list[int] = []
-    handlers = {}
+def signals_afterwards() -> Iterator[Callable[[], None]]:
+    """Signals that Python handles are handled at the end, or when the function is called that this gives. In compiled code,
+    or in CasADi's, an exception that a handler raises can turn up as another, or nowhere."""
+    handlers: dict[int, Any] = {}
+    came: list[tuple[int, Any]] = []
+
+    def note(number: int, frame: Any) -> None:
+        came.append((number, frame))
+
+    def handle() -> None:
+        while came:
+            number, frame = came.pop(0)
+            handlers[number](number, frame)
+
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if callable(handler := signal.getsignal(number)):
-                handlers[number] = handler
-                signal.signal(number, lambda signum, _: came.append(signum))
+        for signum in (signal.SIGINT, signal.SIGTERM):
+            if callable(handler := signal.getsignal(signum)):
+                handlers[signum] = handler
+                signal.signal(signum, note)
     try:
-        yield came
+        yield handle
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-        for signum in came[:1]:
-            signal.raise_signal(signum)
+        for signum, handler in handlers.items():
+            if signal.getsignal(signum) is note:  # a handler may have chosen another
+                signal.signal(signum, handler)
+        handle()
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant.columns import WHEELSET
 from alloc.rules import RULES
-from alloc.run.simulation import ADVANCE, COMMAND, Simulation
+from alloc.run.simulation import COMMAND, Simulation
 from studies import StudyError
 from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario
@@ -119,8 +119,8 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         for j, share in zip(self.units, shares.tolist(), strict=True):
             row = self.simulation.world.units[j]
             row.torque_command = share * row.torque_target
-        self._ended = len(self._played) == self.simulation.ticks
-        self.simulation.run_to(ADVANCE if self._ended else COMMAND)
+        self.simulation.run_to(COMMAND)
+        self._ended = self.simulation.tick == self.simulation.ticks
 
     def _observe_units(self) -> tuple[Floats, dict[str, Any]]:
         """Observation and what is said beside it; at the end of the event with the readings of its last period."""

@@ -168,6 +168,24 @@ def test_what_a_part_in_python_raises_ends_the_run_and_frees_its_memory(control,
     assert left() is None
 
 
+def test_a_run_goes_on_after_a_signal_that_is_noted_and_at_its_end():
+    """A handler that raises nothing hears of the first before the next call; no step lies beyond the end."""
+    noted, run = [], Simulation(event(), "alone", Controller("own", once_interrupted, ""))
+    before = signal.signal(signal.SIGINT, lambda number, _: noted.append(run.world.run[0].time))
+    run.run_to_end()
+    signal.signal(signal.SIGINT, before)
+    assert noted == pytest.approx([0.51], abs=0.011)
+    state = run.world.state.copy()
+    run.run_to(COMMAND)
+    assert run.tick == run.ticks
+    np.testing.assert_array_equal(run.world.state, state)
+
+
+def once_interrupted(unit, axles, memory, run):
+    if 0.5 < run.time < 0.512 and axles[0].unit == 0:
+        signal.raise_signal(signal.SIGINT)
+
+
 def test_a_rule_in_python_may_run_an_event_itself():
     def share(units, run):
         ahead = simulate(event(duration=0.2), "qp", "none")

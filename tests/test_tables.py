@@ -1,5 +1,7 @@
 """Tables and the cache of compiled code: every column says what it is, and only its owner can change what is run."""
 
+import copy
+import pickle
 import re
 
 import numpy as np
@@ -9,6 +11,7 @@ import readhesion
 from alloc.compilation import is_private
 from alloc.onboard.columns import TABLES, UNIT
 from alloc.schema.tables import Column, Table, memory_words
+from mpc.problem import BELIEVED, Problem
 
 FACTOR = r"(N|Pa|J|W|kg|km|m|s|h|rad)(-?[1-9])?"
 UNITS = re.compile(rf"1|{FACTOR}( {FACTOR})*")
@@ -36,6 +39,18 @@ def test_recorded_columns_are_the_first_words_of_a_row():
     )
     for name in UNIT.recorded.names:
         np.testing.assert_array_equal(told[name][:, 0], rows[name])
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda kept: pickle.loads(pickle.dumps(kept))])
+def test_copies_of_rows_are_rows(copied):
+    rows = UNIT.rows(3, limit=[0.1, 0.2, 0.3])
+    for kept in (rows, rows[1], UNIT.record(2, 3)):
+        made = copied(kept)
+        assert type(made) is type(kept)
+        assert made.tobytes() == kept.tobytes()
+        assert made.dtype == kept.dtype
+    problem = Problem(BELIEVED.rows(2))
+    np.testing.assert_array_equal(copied(problem).rows, problem.rows)
 
 
 @pytest.mark.parametrize("name", ["base", "shape", "fill", "mean"])

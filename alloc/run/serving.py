@@ -51,7 +51,7 @@ class Parts:
         self.calls: Any = (
             lambda tick: bool(believe(tick, units, reports, w.report_tick, run)),
             lambda _: float(share(units, run)),
-            lambda j: control(*rows[j]) or 0.0,
+            lambda j: control(*rows[j]),
         )
 
     @contextmanager
@@ -60,7 +60,7 @@ class Parts:
         before, _SERVED.parts = getattr(_SERVED, "parts", None), self
         try:
             # errors of numbers as compiled code has them
-            with signals_afterwards() as self.signals, np.errstate(all="ignore"):
+            with signals_afterwards() as self.handle_signals, np.errstate(all="ignore"):
                 yield
         finally:
             _SERVED.parts = before
@@ -70,13 +70,12 @@ class Parts:
                 raise error
 
 
-def serve(part: int, number: int) -> float:
+def serve(part: int, number: int) -> Any:
     """Call a part of this thread's run. An error that passed through compiled code would keep the run's memory for good,
     so the loop is stopped."""
     parts = _SERVED.parts
     try:
-        if parts.signals:
-            raise KeyboardInterrupt
+        parts.handle_signals()
         return parts.calls[part](number)
     except BaseException as error:
         parts.error, parts.run.stopped = (part, error), 1

@@ -110,8 +110,8 @@ class Simulation:
                 raise SimulationError(f"limit[{j}] is {limits[k, j]:.6g} at {k * period:g} s")
 
     def run_to(self, step: int) -> None:
-        """Run until the next such step is made: `READ`, `PLAN`, `COMMAND` into `world.units.torque_command`, `BRAKE`,
-        `ADVANCE`."""
+        """Run until the next such step is made, or to the end: `READ`, `PLAN`, `COMMAND` into `world.units.torque_command`,
+        `BRAKE`, `ADVANCE`."""
         self._run_until(self._step + (step - self._step) % STEPS + 1)
 
     def run_blind(self) -> None:
@@ -132,7 +132,7 @@ class Simulation:
             self.run_to(ADVANCE)
 
     def _run_until(self, last: int) -> None:
-        started = time.perf_counter()
+        started, last = time.perf_counter(), min(last, self.ticks * STEPS)
         with self._parts.serving():
             run_loop(
                 self._parts.functions, self.knows, self._step, last, self.world, self.recording

@@ -4,9 +4,11 @@ From a column follow the memory of compiled code, a variable of the recorded run
 Rows are read by name everywhere: `units[j].limit` in compiled and in plain code, `units.limit` in NumPy.
 """
 
+import copyreg
 import math
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields
+from functools import cache
 from operator import itemgetter
 from typing import Any, ClassVar
 from weakref import WeakSet
@@ -56,11 +58,11 @@ class Table:
                 raise TypeError(f"{name}: no column can be called {key}; rows have that attribute")
         self.name = name
         self.columns = dict(sorted(columns.items(), key=lambda item: not item[1].recorded))
-        fields: list[Any] = [
+        fields = tuple(
             (key, np.int64 if isinstance(item.default, int) else np.float64, np.shape(item.default))
             for key, item in self.columns.items()
-        ]
-        recorded = [item for item in fields if columns[item[0]].recorded]
+        )
+        recorded = tuple(item for item in fields if columns[item[0]].recorded)
         self.dtype, self._rows = _make_types(name, fields)
         self.recorded, self._record = _make_types(name, recorded)
         self.row, self.recorded_row = from_dtype(self.dtype), from_dtype(self.recorded)
@@ -91,25 +93,39 @@ class Table:
         return memory.view(self.dtype).view(self._rows)
 
 
-def _make_types(name: str, fields: Sequence[Any]) -> tuple[Any, Any]:
-    """The type of a row as NumPy has it, and the type of arrays of them.
+def _make_types(name: str, fields: tuple[Any, ...]) -> tuple[Any, Any]:
+    """The type of a row as NumPy has it, and the type of arrays of them."""
+    row = _make_type(np.void, f"{name} row", fields)
+    return np.dtype((row, list(fields))), _make_type(np.ndarray, f"{name} rows", fields)
+
+
+class _Made(type):
+    """Type of a type that no module has under its name; pickle makes it anew."""
+
+    made_of: tuple[Any, ...]
+
+
+copyreg.pickle(_Made, lambda kind: (_make_type, kind.made_of))  # type: ignore[has-type]
+
+
+@cache
+def _make_type(base: type, name: str, fields: tuple[Any, ...]) -> type:
+    """The type of rows (`base` void), or of arrays of them (`base` ndarray), with columns as attributes.
 
     NumPy's own records have attributes too: to read one takes ten times as long, and to set one that is no column is no
     error.
     """
 
-    def attributes(read: Any) -> dict[str, Any]:
-        def attribute(key: str) -> property:
-            def write(rows: Any, value: Any) -> None:
-                rows[key] = value
+    def attribute(key: str) -> property:
+        def write(rows: Any, value: Any) -> None:
+            rows[key] = value
 
-            return property(read(key), write)
+        read = itemgetter(key)
+        return property(read if base is np.void else lambda rows: read(np.asarray(rows)), write)
 
-        return {"__slots__": ()} | {key: attribute(key) for key, *_ in fields}
-
-    row = type(f"{name} row", (np.void,), attributes(itemgetter))
-    rows = attributes(lambda key: lambda rows: np.asarray(rows)[key])
-    return np.dtype((row, fields)), type(f"{name} rows", (np.ndarray,), rows)
+    made = _Made(name, (base,), {"__slots__": ()} | {key: attribute(key) for key, *_ in fields})
+    made.made_of = base, name, fields
+    return made
 
 
 def columns_of(kind: type, *names: str, prefix: str = "") -> dict[str, Column]:

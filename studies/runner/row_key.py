@@ -64,18 +64,18 @@ def hash_cell(run: Callable[..., Any], args: tuple[Any, ...], sources: tuple[str
 
 
 def hash_sources(function: Callable[..., Any], modules: tuple[str, ...] = ()) -> str:
-    """Hash of the sources behind `function` and of `modules`, which are beside it."""
+    """Hash of the sources behind `function` and of `modules`, which are beside it.
+
+    Raises `SourcesChanged` where the project is not what this process has loaded.
+    """
+    _check_project()
     code, files = _follow_names(function, modules)
     return _hash_text("\n".join([code, *map(folder_hash, files)]))
 
 
 @cache
 def _follow_names(function: Callable[..., Any], modules: tuple[str, ...]) -> tuple[str, list[str]]:
-    """Hash of what counts of the project, which is kept beside compiled code, and the files that count beside it.
-
-    Raises `SourcesChanged` where the project is not what this process has loaded.
-    """
-    _check_project(function)
+    """Hash of what counts of the project, which is kept beside compiled code, and the files that count beside it."""
     module, name = function.__module__, function.__qualname__.partition(".")[0]
     users = {
         str(getattr(sys.modules.get(origin), "__file__", None) or "")
@@ -97,7 +97,7 @@ def _follow_names(function: Callable[..., Any], modules: tuple[str, ...]) -> tup
 def _read_names(module: str, name: str, modules: list[str], of_user: bool) -> tuple[str, list[str]]:
     """As `_follow_names`, from the text of the project; `of_user`: files of users count beside it."""
     seen: dict[Name, str] = {}
-    whole = set(modules)
+    own, whole = module.partition(".")[0] not in (STUDIES, *BELOW), set(modules)
     left: list[Name] = [(module, name)]
     while left:
         module, name = left.pop()
@@ -113,7 +113,9 @@ def _read_names(module: str, name: str, modules: list[str], of_user: bool) -> tu
         for part in (*BELOW, *APART)
         if any(f"{module}.".startswith(f"{part}.") for module in whole)
     }
-    packages |= {*APART} if files or of_user else set()  # a user's file may import any
+    # a user's file may import any
+    packages |= {*BELOW, *APART} if of_user else {*APART} if files else set()
+    packages |= {STUDIES} if own else set()
     parts = [seen[name] for name in sorted(seen)]
     return _hash_text("\n".join([*parts, *map(_hash_package, sorted(packages))])), files
 
@@ -162,11 +164,12 @@ def read_anew() -> None:
     global _prompt
     _prompt = os.urandom(8).hex()
     folder_hash.cache_clear()
+    _check_project.cache_clear()
 
 
 @cache
-def _check_project(function: Callable[..., Any]) -> None:
-    """Raise `SourcesChanged` where the project's files are others than when they were loaded; once for a function."""
+def _check_project() -> None:
+    """Raise `SourcesChanged` where the project's files are others than when they were loaded; looked at once a study."""
     if _hash_project() != _LOADED:
         advice = "start this process again, and of a cluster its workers"
         raise SourcesChanged(f"{ROOT}: the project was edited since it was loaded; {advice}")

@@ -114,8 +114,6 @@ def test_a_fault_of_the_place_is_no_row(tmp_path, monkeypatch):
         run_study(make(), tmp_path, 5)
     monkeypatch.undo()
     monkeypatch.setattr(row_key, "_LOADED", "before")
-    for kept in (row_key._follow_names, row_key._check_project):
-        kept.cache_clear()
     with pytest.raises(SourcesChanged, match="the project was edited since it was loaded"):
         run_study(make(), tmp_path, 5)
     assert not read_rows(tmp_path)

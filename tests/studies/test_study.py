@@ -275,6 +275,18 @@ def test_what_no_run_uses_counts_where_it_is_named(monkeypatch, edited, part):
     assert [name for name in parts if before[name] != after[name]] == [part]
 
 
+@pytest.mark.parametrize(("module", "counted"), [
+    ("own_study", {"studies", "alloc", "mpc"}), ("studies.gradient", {"alloc", "mpc"}),
+])  # fmt: skip
+def test_behind_a_users_file_the_project_counts(monkeypatch, module, counted):
+    """Its imports are not followed; behind a study of its own all studies count too."""
+    names = []
+    monkeypatch.setattr(row_key, "_hash_package", lambda name: names.append(name) or name)
+    row_key._read_names(module, "run", [], True)
+    assert counted == {*names} - {*row_key.APART}
+    assert {*row_key.APART} < {*names}
+
+
 def test_a_users_file_counts_with_its_folder(tmp_path):
     plugin = tmp_path / "own.py"
     plugin.write_text("import helper")
