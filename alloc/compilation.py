@@ -143,10 +143,10 @@ def last_use(*arrays: Any) -> None:
 def signals_afterwards() -> Iterator[Callable[[], None]]:
     """Signals that Python handles are handled at the end, or when the function is called that this gives. In compiled code,
     or in CasADi's, an exception that a handler raises can turn up as another, or nowhere."""
-    handlers: dict[int, Any] = {}
-    came: list[tuple[int, Any]] = []
+    handlers: dict[Any, Any] = {}
+    came: list[tuple[Any, Any]] = []
 
-    def note(number: int, frame: Any) -> None:
+    def note(number: Any, frame: Any) -> None:
         came.append((number, frame))
 
     def handle() -> None:
@@ -155,16 +155,16 @@ def signals_afterwards() -> Iterator[Callable[[], None]]:
             handlers[number](number, frame)
 
     if threading.current_thread() is threading.main_thread():
-        for signum in (signal.SIGINT, signal.SIGTERM):
-            if callable(handler := signal.getsignal(signum)):
-                handlers[signum] = handler
-                signal.signal(signum, note)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if callable(handler := signal.getsignal(number)):
+                handlers[number] = handler
+                signal.signal(number, note)
     try:
         yield handle
     finally:
-        for signum, handler in handlers.items():
-            if signal.getsignal(signum) is note:  # a handler may have chosen another
-                signal.signal(signum, handler)
+        for number, handler in handlers.items():
+            if signal.getsignal(number) is note:  # a handler may have chosen another
+                signal.signal(number, handler)
         handle()
 
 
