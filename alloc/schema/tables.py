@@ -123,9 +123,9 @@ def _make_type(base: type, name: str, fields: tuple[Any, ...]) -> type:
         read = itemgetter(key)
         return property(read if base is np.void else lambda rows: read(np.asarray(rows)), write)
 
-    made = _Made(name, (base,), {"__slots__": ()} | {key: attribute(key) for key, *_ in fields})
-    made.made_of = base, name, fields
-    return made
+    kind = _Made(name, (base,), {"__slots__": ()} | {key: attribute(key) for key, *_ in fields})
+    kind.made_of = base, name, fields
+    return kind
 
 
 def columns_of(kind: type, *names: str, prefix: str = "") -> dict[str, Column]:

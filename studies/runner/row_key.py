@@ -97,7 +97,8 @@ def _follow_names(function: Callable[..., Any], modules: tuple[str, ...]) -> tup
 def _read_names(module: str, name: str, modules: list[str], of_user: bool) -> tuple[str, list[str]]:
     """As `_follow_names`, from the text of the project; `of_user`: files of users count beside it."""
     seen: dict[Name, str] = {}
-    own, whole = module.partition(".")[0] not in (STUDIES, *BELOW), set(modules)
+    of_project = module.partition(".")[0] in (STUDIES, *BELOW)
+    whole = set(modules)
     left: list[Name] = [(module, name)]
     while left:
         module, name = left.pop()
@@ -115,7 +116,7 @@ def _read_names(module: str, name: str, modules: list[str], of_user: bool) -> tu
     }
     # a user's file may import any
     packages |= {*BELOW, *APART} if of_user else {*APART} if files else set()
-    packages |= {STUDIES} if own else set()
+    packages |= set() if of_project else {STUDIES}
     parts = [seen[name] for name in sorted(seen)]
     return _hash_text("\n".join([*parts, *map(_hash_package, sorted(packages))])), files
 
