@@ -14,7 +14,7 @@ from alloc.onboard.columns import NAN, ONE
 from alloc.onboard.controllers import CONTROLLERS, register
 from alloc.onboard.controllers.creep import clip
 from alloc.onboard.controllers.plain import cut_and_ramp
-from alloc.onboard.sensing import LIMITING
+from alloc.onboard.reference_speed import LIMITING
 from alloc.onboard.signatures import control
 from alloc.schema.tables import Column, Table
 from mpc.belief import AXLES, LEAST_SLIP, observe_axles, seek_slip

@@ -41,6 +41,8 @@ AXLE = Table(
     # as sensed
     reading=Column(0.0, "m s-1", "rim speed as read"),
     ahead=Column(0.0, "m s-1", "how far it runs ahead of the reference speed, mean of the last tenth of a second"),
+    acting=Column(0.0, ONE, "force of its motor and its shoes at the rim over its load"),
+    free=Column(0.0, "s", "time for which hardly any acts on it, and it does not return from slip"),
     slide=Column(0.0, "m s-1", "its slide behind the filter of the slide protection"),
 )
 
@@ -190,6 +192,7 @@ RUN = Table(
     p_dd=Column(0.01, "m2 s-4", "variance of the unknown force"),
     eased=Column(0, ONE, "unit that was eased last, to let its wheels roll"),
     easing=Column(1e3, "s", "time since that began"),
+    verge=Column(NEVER, "s", "last instant at which readhesion control or slide protection held back an axle"),
     gained=Column(0.0, "m s-2", "acceleration of the reference speed, filtered"),
     before=Column(0.0, "m s-1", "reference speed a period ago"),
     braked=Column(0.0, ONE, "share of the plan to which trailers' brakes have risen"),

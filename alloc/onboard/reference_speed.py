@@ -1,12 +1,16 @@
 """The train's reference speed: Kalman filter of its speed and of the specific force that nothing explains.
 
-The momentum balance foresees the speed; the axle that runs least ahead measures it. An axle further ahead than `gate`
-deviations slips. Where readhesion control holds any unit on the verge of slip, a driven axle may creep with all others: it
-tells only that the train is no faster. The balance alone then carries the estimate on, and its deviation grows. Once it
-exceeds `doubt`, one unit after the other is eased for a moment (`ease_units`): its wheels roll, and tell the speed.
+The momentum balance foresees the speed, and axles measure it. Pulling or braking, an axle ahead of the train slips:
 
-Known limit: where every axle is braked by air, the best wheel creeps too and the estimate runs 0.15 to 0.2 m/s below the
-train. `onboard.true_speed` gives the true one to studies of what follows from it.
+- No axle runs behind the train. The one that runs least ahead bounds the speed from one side, always.
+- While nothing holds an axle back, that axle measures the speed. Where readhesion control or slide protection holds one back,
+  and for some time after, all may creep, and it does not.
+- An axle on which hardly any force acts rolls, and is sure. Once the deviation exceeds `doubt`, one unit after the other is
+  eased for a moment (`ease_units`) so that there is one; from `GREAT` times as much on, units that brake by air too.
+
+An axle further ahead than `gate` deviations slips, unless it is sure. Known limit: where every axle is braked by air and
+slide protection does not act, the best wheel creeps too and the estimate runs 0.15 to 0.2 m/s below the train.
+`onboard.true_speed` gives the true one to studies of what follows from it.
 """
 
 import math
@@ -15,48 +19,102 @@ from alloc.compilation import jit
 
 RESTLESS, STEADY = 0.04, 0.001
 """Deviation by which the speed changes unforeseen in a second [m/s], as couplers shake a locomotive; and in blended braking,
-where no unit is eased and wheels that slide would be followed."""
+where wheels that slide would be followed."""
 LEAST_SPEED = 1.4
 """Speed below which the deviation of a rolling wheel shrinks no further [m/s]."""
 BOUND = 3.0
 """Deviations within which the unknown force is kept."""
 EASED, SHORTEST, LONGEST, PAUSE = 0.4, 0.12, 0.4, 0.3
 """Share of its torque that an eased unit keeps; least and greatest time for which it is eased, and pause after that [s]."""
+GREAT, EMPTIED = 2.0, 1.5
+"""Deviation over `doubt` from which a unit's air is released too; greatest time for which that is waited for [s]."""
 FEW = 5.0
 """Periods over which the creep of an eased wheel is the same."""
+MEAN_TIME = 0.1
+"""Time over which it is averaged how far an axle runs ahead [s]: noise and a wheel's swing are shorter."""
+RETURNING = 0.5
+"""Deceleration against that mean above which an axle returns from slip [m/s2]."""
+LIMITING = 0.999
+"""Share of its target below which a unit is limited by its readhesion controller in this instant."""
+AFTER = 2.0
+"""Time for which axles may creep after the last was held back [s]."""
+FREE, ROLLS = 0.1, 0.2
+"""Share of the plan's force up to which an axle is free of force; time after which it rolls then [s]."""
+NEAR, FAR = 0.05, 1.0
+"""How far a sure axle may run ahead of the one that is least ahead; and, beside four deviations, of the reference speed, for
+without force too wheels stay in a deep slide for long [m/s]."""
 
 
 @jit
 def ease_units(units, onboard, run):
     """`unit.eased`, the share of its torque command that a unit applies: one after the other while the speed is in doubt.
 
-    It ends once the wheels have returned. Blended brakes are left alone: air would hold a slide.
+    It ends once the wheels have returned, and before that what air had held them has escaped.
     """
     if units.size == 0:
         return
     run.easing += run.period
-    last = units[run.eased]
-    if last.eased < 1.0 and (run.easing < SHORTEST or (last.returns and run.easing < LONGEST)):
+    last, most = units[run.eased], FREE * run.plan
+    held = last.air > most * last.load and run.easing < EMPTIED
+    if last.eased < 1.0 and (
+        held or run.easing < SHORTEST or (last.returns and run.easing < LONGEST)
+    ):
         return
     last.eased = 1.0
-    sure = run.reference_deviation < onboard.doubt or run.easing < LONGEST + PAUSE
-    if sure or run.braking:
+    doubt = run.reference_deviation / onboard.doubt
+    if doubt < 1.0 or run.easing < LONGEST + PAUSE:
         return
     for n in range(1, units.size + 1):
         j = (run.eased + n) % units.size
-        if units[j].seen > 0 and units[j].works:
-            run.eased, run.easing, units[j].eased = j, 0.0, EASED
+        u = units[j]
+        if u.seen > 0 and u.works and (doubt > GREAT or u.air <= most * u.load):
+            run.eased, run.easing, u.eased = j, 0.0, EASED
             return
 
 
 @jit
-def estimate_speed(axles, run, onboard, force, lead, rolling, sure):
+def weigh_axles(axles, units, brakes, run):
+    """How far [m/s] in the direction of the demand axles were ahead of the last reference speed; inf: none.
+
+    Returns it of the axle that is least ahead of all, and of the one that measures the speed; and whether that is sure.
+    """
+    h, most, least, eased, free = run.period, FREE * run.plan, math.inf, math.inf, math.inf
+    for b in brakes:
+        if b.valve != 0.0 and run.braking:
+            run.verge = run.time
+    for u in units:
+        u.returns = 0
+        if u.torque_command < LIMITING * u.torque_target:
+            run.verge = run.time
+    for a in axles:
+        if not a.seen:
+            continue
+        ahead = run.sign * (a.reading - run.reference_speed)
+        a.ahead += h / MEAN_TIME * (ahead - a.ahead)
+        returns = a.ahead - ahead > RETURNING * MEAN_TIME
+        least = min(least, a.ahead)
+        a.free = a.free + h if a.acting <= most and not returns else 0.0
+        if a.free > ROLLS:
+            free = min(free, a.ahead)
+        if a.unit >= 0:
+            u = units[a.unit]
+            if returns:
+                u.returns = 1
+            elif u.eased < 1.0 and run.easing > 0.5 * SHORTEST and u.air <= most * u.load:
+                eased = min(eased, a.ahead)
+    sure = min(eased, free)
+    if sure < least + NEAR and abs(sure) < FAR + 4.0 * run.reference_deviation:
+        return least, sure, True
+    return least, least if run.time >= run.verge + AFTER else math.inf, False
+
+
+@jit
+def estimate_speed(axles, units, brakes, onboard, force, run):
     """One control period: `run.reference_speed`, its deviation, `run.unknown`.
 
-    `force` [N]: what motors and shoes bring to the rims, less what turns the wheelsets. `lead` [m/s]: by how much the axle
-    that runs least ahead, in the direction of the demand, was ahead of the last reference speed; inf: no axle is seen.
-    `rolling`: the same of axles that roll, `sure`: of eased ones.
+    `force` [N]: what motors and shoes bring to the rims, less what turns the wheelsets.
     """
+    lead, rolling, sure = weigh_axles(axles, units, brakes, run)
     h, v, most = run.period, run.reference_speed, onboard.unknown_most
     drag = onboard.resistance + onboard.resistance_linear * v + onboard.resistance_quadratic * v * v
     drag = min(

@@ -11,23 +11,17 @@ import math
 
 from alloc.backends import compiled as law
 from alloc.compilation import jit
-from alloc.onboard.reference_speed import SHORTEST, estimate_speed
+from alloc.onboard.reference_speed import estimate_speed
 from alloc.schema.tables import look_up
 
 NOTICED = 0.1
 """Time after which the train knows that a unit has failed [s]."""
 ROUNDING = 1e-9
 """Tolerance of instants, which are multiples of the control period [s]."""
-MEAN_TIME = 0.1
-"""Time over which it is averaged how far an axle runs ahead [s]: noise and a wheel's swing are shorter."""
-RETURNING = 0.5
-"""Deceleration against that mean above which an axle returns from slip [m/s2]."""
 FILTER_TIME = 0.2
 """Time constant of what a unit reports that it delivers [s]: two telegrams, and one step of a searching controller."""
 WHOLE = 0.985
 """Share of its target from which a unit counts as not limited: creep control keeps within a hundredth of it."""
-LIMITING = 0.999
-"""Share of its target below which a unit is limited by its readhesion controller in this instant."""
 ACTING = 0.5
 """Share of the plan that a target must reach: a smaller one says nothing about the rail."""
 BLIND = 0.5
@@ -43,12 +37,12 @@ def sense_train(axles, units, brakes, effort, retard, onboard, run):
     `effort`, `retard`: largest torques of the motors as the computers have them [N m], (units, speeds).
     """
     before = run.reference_speed
-    force, lead, rolling, sure = sense_axles(axles, units, onboard, run)
+    force = sense_axles(axles, units, run)
     force -= read_shoes(axles, units, brakes, onboard, run)
     if onboard.true_speed:
         run.reference_speed = run.true_speed
     elif run.time > 0.0:
-        estimate_speed(axles, run, onboard, force, lead, rolling, sure)
+        estimate_speed(axles, units, brakes, onboard, force, run)
     for a in axles:
         if a.unit >= 0 and a.seen:
             u = units[a.unit]
@@ -67,42 +61,27 @@ def sense_train(axles, units, brakes, effort, retard, onboard, run):
 
 
 @jit
-def sense_axles(axles, units, onboard, run):
-    """Readings of the axles and their sums in the units.
-
-    Returns the force [N] of motors less what turns the wheelsets; how far [m/s] the axle least ahead runs ahead, of all and
-    of those that roll; and whether the latter are of an eased unit.
-    """
-    force, least, eased, likely, h = 0.0, math.inf, math.inf, math.inf, run.period
-    verge = False
+def sense_axles(axles, units, run):
+    """Readings of the axles and their sums in the units; returns the force [N] of motors less what turns the wheelsets."""
+    force = 0.0
     for u in units:
-        verge = verge or (u.torque_command < LIMITING * u.torque_target and not run.braking)
-        u.rim, u.seen, u.worst_slip, u.returns = 0.0, 0, -math.inf, 0
+        u.rim, u.seen, u.worst_slip = 0.0, 0, -math.inf
     for a in axles:
         before = a.reading
-        a.reading = run.reference_speed
-        if a.seen:
-            a.reading = a.signal
-            ahead = run.sign * (a.reading - run.reference_speed)
-            a.ahead += h / MEAN_TIME * (ahead - a.ahead)
-            least = min(least, a.ahead)
-            if a.unit < 0 or not verge:
-                likely = min(likely, a.ahead)
-            if a.unit >= 0 and a.ahead - ahead > RETURNING * MEAN_TIME:
-                units[a.unit].returns = 1
-            elif a.unit >= 0 and units[a.unit].eased < 1.0 and run.easing > 0.5 * SHORTEST:
-                eased = min(eased, a.ahead)
+        a.reading = a.signal if a.seen else run.reference_speed
+        a.acting = 0.0
         if run.time > 0.0:
-            force -= a.inertia / a.radius**2 * (a.reading - before) / h
+            force -= a.inertia / a.radius**2 * (a.reading - before) / run.period
         if a.unit >= 0:
             u = units[a.unit]
-            force += a.gear * (run.sign * u.motor_torque) / a.radius
+            pull = a.gear * (run.sign * u.motor_torque) / a.radius
+            force += pull
+            a.acting = abs(pull) / u.load
             u.seen += a.seen
             u.rim += a.reading if a.seen else 0.0
             if a.seen != a.was_seen:  # the mean speed jumps, which is no acceleration
                 u.filtered = u.observed = math.nan
-    sure = eased < math.inf
-    return force, least, eased if sure else likely, sure
+    return force
 
 
 @jit
@@ -118,6 +97,7 @@ def read_shoes(axles, units, brakes, onboard, run):
         b = brakes[a.brake]
         shoe = b.gain * b.pressure * shoe_friction(b, a.reading)
         total += shoe
+        a.acting += shoe / b.load
         if a.unit >= 0 and run.braking and not onboard.air_commanded:
             u = units[a.unit]
             u.air += shoe / u.axles

@@ -74,6 +74,8 @@ def set_brake_targets(units, onboard, run):
         left = u.torque_command / motors if motors > 0.0 else 1.0
         u.kept = min(max(u.kept + (left - MIDDLE) * run.period / EASE_TIME, 0.0), 1.0)
         u.air_brake_force = u.kept * max(min(u.pattern, full) - motors, 0.0) * at_rim
+        if u.eased < 1.0:  # its wheels are to roll
+            u.air_brake_force = 0.0
         if u.follows and u.works:
             motors = min(max(u.pattern - u.air / at_rim, 0.0), bound)
         u.torque_target = motors

@@ -11,7 +11,7 @@ from alloc.compilation import jit
 from alloc.onboard.columns import NAN, ONE
 from alloc.onboard.controllers.controller import register
 from alloc.onboard.controllers.creep import ASSUMED, GAINS, HELD, TUNED, clip, has_lasted, hold_slip
-from alloc.onboard.sensing import LIMITING
+from alloc.onboard.reference_speed import LIMITING
 from alloc.onboard.signatures import control
 from alloc.schema.tables import Column, Table
 
