@@ -3,8 +3,8 @@
 The momentum balance foresees the speed, and axles measure it. Pulling or braking, an axle ahead of the train slips:
 
 - No axle runs behind the train. The one that runs least ahead bounds the speed from one side, always.
-- While nothing holds an axle back, that axle measures the speed. Where readhesion control or slide protection holds one back,
-  and for some time after, all may creep, and it does not.
+- While nothing holds an axle back, that axle measures the speed. Where readhesion control or slide protection holds one
+  back, and for some time after, all may creep, and it does not.
 - An axle on which hardly any force acts rolls, and is sure. Once the deviation exceeds `doubt`, one unit after the other is
   eased for a moment (`ease_units`) so that there is one; from `GREAT` times as much on, units that brake by air too.
 
@@ -17,9 +17,8 @@ import math
 
 from alloc.compilation import jit
 
-RESTLESS, STEADY = 0.04, 0.001
-"""Deviation by which the speed changes unforeseen in a second [m/s], as couplers shake a locomotive; and in blended braking,
-where wheels that slide would be followed."""
+RESTLESS = 0.04
+"""Deviation by which the speed changes unforeseen in a second [m/s], as couplers shake a locomotive."""
 LEAST_SPEED = 1.4
 """Speed below which the deviation of a rolling wheel shrinks no further [m/s]."""
 BOUND = 3.0
@@ -121,8 +120,7 @@ def estimate_speed(axles, units, brakes, onboard, force, run):
         drag, onboard.train_mass * abs(v) / h
     )  # resistance stops a train and does not turn it
     v += h * ((force - drag) / onboard.train_mass + run.unknown)
-    restless = STEADY if run.braking else RESTLESS
-    run.p_vv += 2.0 * h * run.p_vd + h * h * run.p_dd + restless**2 * h
+    run.p_vv += 2.0 * h * run.p_vd + h * h * run.p_dd + RESTLESS**2 * h
     run.p_vd += h * run.p_dd
     run.p_dd = min(run.p_dd + onboard.walk**2 * h, most**2)
     variance = onboard.reading**2 + run.noise**2
