@@ -14,9 +14,11 @@ from alloc.onboard.columns import AXLE, BRAKE, NEVER, ONBOARD, RUN, SLIDE, UNIT
 from alloc.plant import dynamics
 from alloc.plant.columns import CAR, CYLINDER, DRIVE, PLANT, WHEELSET
 from alloc.run import wire
-from alloc.run.simulation import ADVANCE, Simulation
+from alloc.run.simulation import ADVANCE, Simulation, simulate
 from alloc.schema.tables import memory_words
 from studies.files.scenario_files import load_scenario
+from studies.population import population
+from tests.cases import looped
 
 H = 0.01
 COMPILED = {
@@ -69,8 +71,8 @@ def board(seed=0, **run):
         "reports": said, "orders": said, "order_tick": sent, "report_tick": sent, "y": np.array(y),
         "noise": 0.01 * rng.standard_normal(6),
         "effort": table, "retard": 0.9 * table, "omega": 2, "torque": 8, "k": 40, "tick": 40, "j": 1, "always": True,
-        "asks": False, "instant": 0.3, "span": 0.2, "time": 9.5, "force": 1e4, "lead": -0.02, "speed": 20.0, "turning": 0.1,
-        "bound": 900.0, "full": 1500.0, "rolling": 0.01, "sure": True,
+        "asks": False, "instant": 0.3, "span": 0.2, "time": 9.5, "force": 1e4, "speed": 20.0, "turning": 0.1,
+        "bound": 900.0, "full": 1500.0,
     }  # fmt: skip
 
 
@@ -205,19 +207,26 @@ def test_a_failure_is_known_a_tenth_of_a_second_later():
         assert list(leaders) == [0] * 30 + [1] * 10 + [2] * 10
 
 
+def estimate(run, onboard, force, reading, units=(), brakes=(), **axle):
+    """A period of the estimate where one axle is seen, at the train's end of its mean."""
+    axles = AXLE.rows(1, reading=reading, ahead=run.sign * (reading - run.reference_speed), **axle)
+    rows = (units if len(units) else UNIT.rows(0)), (brakes if len(brakes) else BRAKE.rows(0))
+    speed.estimate_speed(axles, *rows, onboard, force, run)
+    return axles[0]
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_filter_finds_speed_and_the_force_that_nothing_explains(sign):
-    run = RUN.rows(1, reference_speed=19.8, sign=sign)[0]
+    run = RUN.rows(1, reference_speed=19.8, sign=sign, plan=0.1, braking=int(sign < 0))[0]
     onboard = ONBOARD.rows(1, train_mass=1e5, resistance=1000.0, resistance_quadratic=2.0)[0]
     for k in range(6000):
-        true, before = 20.0 + sign * 0.3 * (k + 1) * H, run.reference_speed
+        true = 20.0 + sign * 0.3 * (k + 1) * H
         force = sign * 0.3e5 + 1000.0 + 2.0 * true**2 - 0.04e5  # 0.04 m/s2 more than is known of
-        ahead = sign * (true - before)
-        speed.estimate_speed(AXLE.rows(1), run, onboard, force, ahead, ahead, False)
+        estimate(run, onboard, force, true, acting=0.1)
     assert (run.reference_speed, run.unknown) == pytest.approx((true, 0.04), abs=2e-3)
     known = run.reference_deviation
     for _ in range(300):  # all slip: the balance carries the speed on, and it is known ever less
-        speed.estimate_speed(AXLE.rows(1), run, onboard, force, 5.0, math.inf, False)
+        estimate(run, onboard, force, run.reference_speed + sign * 5.0, acting=0.1)
     assert run.reference_speed == pytest.approx(true + sign * 0.9, abs=0.02)
     assert run.reference_deviation == math.sqrt(run.p_vv) > 1.2 * known
 
@@ -226,9 +235,62 @@ def test_the_filter_finds_speed_and_the_force_that_nothing_explains(sign):
 def test_a_wheel_that_contradicts_the_speed_is_believed_and_the_force_doubted(sign):
     run = RUN.rows(1, reference_speed=2.0, sign=sign, p_dd=1e-6)[0]
     onboard = ONBOARD.rows(1, train_mass=1e5)[0]
-    speed.estimate_speed(AXLE.rows(1), run, onboard, 0.0, -0.3, math.inf, False)
+    estimate(run, onboard, 0.0, 2.0 - sign * 0.3)
     assert run.reference_speed == pytest.approx(2.0 - sign * 0.3, abs=0.02)
     assert run.p_dd == pytest.approx(onboard.unknown_most**2, rel=1e-3)
+
+
+@looped(("sign", "held", "acting", "ahead", "learns"), [
+    (sign, *case)
+    for sign in (1.0, -1.0)
+    for case in (
+        (False, 0.1, 0.15, True),  # nothing holds axles back: the least ahead rolls
+        (True, 0.1, 0.15, False),  # it may creep, and teaches nothing of speed and force
+        (True, 0.1, -0.15, True),  # yet no axle runs behind the train
+        (True, 0.0, 0.15, True),  # without force it rolls
+        (True, 0.0, 6.0, False),  # but not where all wheels slide
+    )
+])  # fmt: skip
+def test_what_an_axle_teaches_of_the_speed(sign, held, acting, ahead, learns):
+    """The same pulling and braking; what holds back is a unit's controller or a valve, now or in the last two seconds."""
+    for j, age in ((0, 0.0), (0, 1.9), (0, 2.1), (1, 0.0)):
+        if j and sign > 0.0:
+            continue
+        run = RUN.rows(1, reference_speed=20.0, sign=sign, plan=0.1, time=9.0, p_vv=0.01)[0]
+        run.braking, run.reference_deviation = int(sign < 0.0), 0.1
+        units = UNIT.rows(1, torque_target=100.0, torque_command=100.0)
+        brakes = BRAKE.rows(1)
+        if held and age == 0.0:
+            units.torque_command[0], brakes.valve[0] = (100.0, 1.0) if j else (50.0, 0.0)
+        run.verge = 9.0 - age if held and not j else -1e9
+        onboard = ONBOARD.rows(1, train_mass=1e5)[0]
+        estimate(run, onboard, 0.0, 20.0 + sign * ahead, units, brakes, acting=acting, free=1.0)
+        moved = sign * (run.reference_speed - 20.0)
+        assert (moved != 0.0) == (learns or (age > 2.0 and abs(ahead) < 1.0)), (j, age)
+        assert moved * ahead >= 0.0
+
+
+@pytest.mark.parametrize("air", [0.0, 0.05])
+def test_a_unit_is_eased_in_doubt_one_that_brakes_by_air_in_great_doubt(air):
+    onboard = ONBOARD.rows(1)[0]
+    units = UNIT.rows(2, load=1e5, air=air * 1e5)
+    for deviation in (0.5, 1.5, 2.5):
+        run = RUN.rows(1, plan=0.1, braking=1, reference_deviation=deviation * onboard.doubt)[0]
+        units.eased = 1.0
+        speed.ease_units(units, onboard, run)
+        assert (units.eased.min() < 1.0) == (deviation > (1.0 if air == 0.0 else 2.0))
+    spent = 0.0
+    while units.eased.min() < 1.0:  # air that does not escape is waited for no longer than is said
+        run.reference_deviation, spent = 0.0, spent + H
+        speed.ease_units(units, onboard, run)
+    assert spent == pytest.approx(speed.SHORTEST if air == 0.0 else speed.EMPTIED, abs=1.5 * H)
+
+
+def test_in_a_stop_whose_wheels_all_creep_the_speed_stays_known():
+    """Events of which the estimate once ran away: behind, as it followed creeping wheels, and ahead for good."""
+    for number in (288, 257):
+        run = simulate(population.event(65, number).event(0), "cooperative", "perturb-observe")
+        assert float(abs(run.reference_speed - run.car_speed.mean("car")).max()) < 0.3, number
 
 
 @pytest.mark.parametrize("level", [0.08, 0.5])
