@@ -4,6 +4,8 @@ In: the slip of the unit's worst axle, as sensed. Out: its torque command.
 """
 
 import math
+from dataclasses import replace
+from typing import Any
 
 from alloc.compilation import jit
 from alloc.onboard.columns import NAN, ONE
@@ -39,6 +41,14 @@ def clip(value, low, high):
     return min(max(value, low), high)
 
 
+def set_defaults(columns: dict[str, Column], **values: Any) -> dict[str, Column]:
+    """The same columns with these values, which are tuned for another controller."""
+    changed = {
+        key: replace(columns[key], default=value, source=TUNED) for key, value in values.items()
+    }
+    return columns | changed
+
+
 GAINS = {
     "proportional": Column(0.35, "s m-1", "coefficient over the error of slip", source=TUNED),
     "integral": Column(4.0, "m-1", "rate of the coefficient over that error", source=TUNED),
@@ -51,8 +61,8 @@ HELD = {
 
 CREEP = Table(
     "pi-creep",
-    reference=Column(0.24, "m s-1", "slip of the worst axle that is held", source=TUNED),
-    **GAINS,
+    reference=Column(0.264, "m s-1", "slip of the worst axle that is held", source=TUNED),
+    **set_defaults(GAINS, proportional=0.98, integral=10.6, margin=1.55),
     **HELD,
 )
 CREEP_ROW = CREEP.dtype

@@ -24,9 +24,9 @@ GIVEN_UP = 3.0
 
 CUT_AND_RAMP = Table(
     "cut-and-ramp",
-    cut=Column(0.3, ONE, "torque at a detection over what the rail carried", source=TUNED),
+    cut=Column(0.33, ONE, "torque at a detection over what the rail carried", source=TUNED),
     recover=Column(1.0, ONE, "torque held after slip over what the rail carried", source=TUNED),
-    hold=Column(0.1, "s", "time for which it is held", source=ASSUMED),
+    hold=Column(0.048, "s", "time for which it is held", source=TUNED),
     ramp=Column(3.0, "s", "time in which the torque rises by the plan's", source=ASSUMED),
     phase=Column(FOLLOW, ONE, "0 follows, 1 cut, 2 holds, 3 ramps"),
     ticks=Column(0, ONE, "control periods in it"),

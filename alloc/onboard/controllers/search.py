@@ -5,12 +5,20 @@ inner loop (`creep.hold_slip`) and the interval over which they compare (`interv
 """
 
 import math
-from dataclasses import replace
 
 from alloc.compilation import jit
 from alloc.onboard.columns import NAN, ONE
 from alloc.onboard.controllers.controller import register
-from alloc.onboard.controllers.creep import ASSUMED, GAINS, HELD, TUNED, clip, has_lasted, hold_slip
+from alloc.onboard.controllers.creep import (
+    ASSUMED,
+    GAINS,
+    HELD,
+    TUNED,
+    clip,
+    has_lasted,
+    hold_slip,
+    set_defaults,
+)
 from alloc.onboard.reference_speed import LIMITING
 from alloc.onboard.signatures import control
 from alloc.schema.tables import Column, Table
@@ -96,10 +104,10 @@ def perturb_observe(unit, axles, memory, run):
 
 STEEPEST = Table(
     "steepest-gradient",
-    **SEARCH | {"interval": replace(INTERVAL["interval"], default=0.3, source=ASSUMED)},
+    **set_defaults(SEARCH, first=0.158, proportional=0.39, lowest=0.0294, interval=0.131),
     gain=Column(0.15, "m2 s-2", "move over the slope of the curve", source=TUNED),
     least=Column(0.017, "m s-1", "least move", source=TUNED),
-    largest=Column(0.06, "m s-1", "largest move", source=TUNED),
+    largest=Column(0.0303, "m s-1", "largest move", source=TUNED),
     **SEARCHED,
 )
 STEEPEST_ROW = STEEPEST.dtype
