@@ -137,7 +137,7 @@ def cut(period=0.01, **settings):
 
 @looped("period", (0.01, 0.02, 0.005, 0.03, 0.1 / 7))
 def test_a_hold_is_a_number_of_control_periods(period):
-    phases, _ = cut(period)
+    phases, _ = cut(period, hold=0.1)
     assert (phases == controllers.HOLD).sum() == math.ceil(0.1 / period - 1e-9)
 
 
