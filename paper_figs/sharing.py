@@ -1,6 +1,7 @@
 """What sharing gains and what it costs, from the rows of studies.
 
-`rules` and `rule-events` show the last comparison, `benchmark` that study's own figure.
+`rules` and `rule-events` show the last comparison, `benchmark` that study's own figure, `answer` and `gains` its stored
+rows.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,11 +13,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
+from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from paper_figs.style import WIDE, Drawing
+from studies import benchmark
 from studies.compare import REFERENCE, rank_rules
-from studies.standing import EFFORT
-from studies.statistics import Interval
+from studies.standing import DISTRIBUTION, EFFORT
+from studies.statistics import Interval, draw_forest, mean
 
 FILLS = ("full", "left", "none")
 """How the marker of a rule is filled, by controller."""
@@ -120,7 +123,83 @@ def draw_rule_events(rows: pd.DataFrame) -> Figure:
     return drawn
 
 
+# the stored rows of the benchmark
+
+TICKS = (-100, -10, -3, -1, -0.3, 0, 0.3, 1, 3, 10)
+"""Points at which an axis of gains has numbers."""
+SHOWN = ("most", "uniform", "spread", benchmark.SHARING, "preset", "exact", "greedy-printed")
+"""Rules of the stored rows that are drawn: of those that differ little one."""
+
+
+def _scale_gains(axes: Axes, axis: str, ticks: Sequence[float]) -> None:
+    """Make an axis, x or y, of gains linear below a third of a point, and logarithmic beyond."""
+    labels = [f"{tick:g}".replace("-", "\N{MINUS SIGN}") for tick in ticks]
+    getattr(axes, f"set_{axis}scale")("symlog", linthresh=0.3, linscale=0.5)
+    getattr(axes, f"set_{axis}ticks")(ticks, labels)
+
+
+def draw_gains() -> Figure:
+    """Gain over units that act alone by event, the least first, a line for each rule and a panel for each controller."""
+    rows = benchmark.read_stored()
+    drawn = Figure(figsize=(WIDE, 3.4), layout="constrained")
+    panels = drawn.subplots(1, len(benchmark.UNDER), sharey=True)
+    for axes, controller in zip(panels, benchmark.UNDER, strict=True):
+        runs = benchmark.split_runs(rows, controller)
+        for rule in [name for name in SHOWN if name in runs]:
+            gains = np.sort(benchmark.find_gain(runs, rule, benchmark.BASE))
+            share = 100.0 * (np.arange(gains.size) + 0.5) / gains.size
+            look = {"color": RULES[rule].colour, "marker": RULES[rule].marker}
+            axes.plot(share, gains, label=rule, linewidth=0.9, markevery=0.12, **look)
+        axes.axhline(0.0, color="0.5", linewidth=0.8)
+        axes.set(title=f"under {controller}", xlabel="event, share of all [%]", xlim=(0, 100))
+    _scale_gains(panels[0], "y", TICKS)
+    panels[0].set_ylabel(f"gain over {benchmark.BASE} [points]")
+    drawn.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=7)
+    return drawn
+
+
+def draw_answer() -> Figure:
+    """Controllers where units act alone, and rules under each controller: mean gain with interval, median as a square."""
+    rows = benchmark.read_stored()
+    drawn = Figure(figsize=(WIDE, 2.6), layout="constrained")
+    alone, *panels = drawn.subplots(1, 1 + len(benchmark.UNDER))
+    runs = benchmark.split_runs(rows, benchmark.BASE)
+    names = sorted(runs, key=lambda name: -runs[name][EFFORT].mean())
+    _draw_forest_of(alone, runs, names, benchmark.SEARCH, CONTROLLERS)
+    alone.set(title="no sharing", xlabel=f"over {benchmark.SEARCH}\n[points]", ylabel="controller")
+    for axes, controller in zip(panels, benchmark.UNDER, strict=True):
+        runs = benchmark.split_runs(rows, controller)
+        _draw_forest_of(axes, runs, SHOWN, benchmark.BASE, RULES)
+        axes.set(title=f"under {controller}", xlabel=f"over {benchmark.BASE}\n[points]")
+        if axes is not panels[0]:
+            axes.set_yticklabels([])
+    panels[0].set_ylabel("rule")
+    return drawn
+
+
+def _draw_forest_of(
+    axes: Axes, runs: benchmark.Runs, names: Sequence[str], reference: str, parts: Any
+) -> None:
+    """Gains of parts over a reference; a part without runs has an empty row."""
+    numbers: dict[str, list[Interval]] = {name: [] for name in names if name != reference}
+    for name in numbers.keys() & runs.keys():
+        median = DISTRIBUTION["median"].measure(runs[name], runs[reference]).times(100.0)
+        numbers[name] = [mean(benchmark.find_gain(runs, name, reference)), median]
+    draw_forest(axes, numbers, parts, 0.0)
+    _scale_gains(axes, "x", TICKS[::2])
+
+
 FIGURES = {
+    "answer": Drawing(
+        draw_answer,
+        "What controllers add to perturb-observe where units act alone, and what rules add to units that act alone under "
+        "three controllers: circles are means over the benchmark's events with 95 % intervals, hollow squares medians.",
+    ),
+    "gains": Drawing(
+        draw_gains,
+        "Gains of rules event by event, the least first: most events move by less than a third of a point, so every mean is "
+        "made by the tails; rules whose limits may fall below the plan lose in most events under controllers that search.",
+    ),
     "rules": Drawing(
         draw_rules,
         "What each rule adds to units that act alone, as means over the events of the comparison with 95 % intervals: under "

@@ -25,7 +25,7 @@ from studies.population import population
 from studies.runner.plugins import load_plugins, try_own_parts
 from studies.runner.row_key import LIBRARIES, hash_sources
 from studies.runner.study import WIDE, Cell, Row, Study
-from studies.standing import EFFORT, Columns, Statistic
+from studies.standing import DISTRIBUTION, EFFORT, GAIN, Columns, Statistic
 from studies.statistics import (
     Claim,
     Interval,
@@ -34,7 +34,6 @@ from studies.statistics import (
     in_digits,
     judge,
     mean,
-    share,
 )
 
 if TYPE_CHECKING:
@@ -54,10 +53,10 @@ Pair = tuple[str, str]
 BASE, BOUND, SHARING = "alone", "oracle", "cooperative"
 """Units that share nothing, the rule that knows the rail, this project's own."""
 INFORMATION = {
-    "every unit's report": ("uniform", "erp-reported", "exact-reported", SHARING, "wear"),
+    "every unit's report": ("uniform", "spread", "erp-reported", "exact-reported", SHARING, "wear"),
     "the front": ("sharing", "erp", "greedy", "exact", "qp"),
     "slips": ("greedy-literal", "greedy-tuned", "greedy-printed"),
-    "nothing": ("preset",),
+    "nothing": ("preset", "most"),
 }
 """Rules by what they are told of the rail: first compare those that are told alike. What ends with "-reported" is the rule
 of that name, told what `SHARING` is told."""
@@ -66,7 +65,7 @@ SHARERS = tuple(rule for rules in INFORMATION.values() for rule in rules)
 UNDER = {
     "cut-and-ramp": (BASE, *SHARERS, BOUND),
     "perturb-observe": (BASE, *SHARERS, BOUND),
-    "mpc": (BASE, "uniform", "greedy", "exact", "exact-reported", SHARING, "wear", BOUND),
+    "mpc": (BASE, *INFORMATION["every unit's report"], "greedy", "exact", "most", BOUND),
 }
 """Controllers under which rules are compared, and the rules; under the MPC one of each kind, since it takes longest."""
 SEARCH = "perturb-observe"
@@ -157,8 +156,6 @@ def is_stale() -> bool:
 
 # what comes out
 
-WORSE = 0.3
-"""Points of the bound lost from which on an event counts as harmed."""
 WIDE_ROOM, NOISY = "headroom above 1 point", "noise above 0.05 km/h"
 """Two of the strata."""
 
@@ -191,17 +188,14 @@ def find_gain(runs: Runs, name: str, reference: str) -> "pd.Series[float]":
     return 100.0 * (runs[name][EFFORT] - runs[reference][EFFORT])
 
 
-USED, GAIN = Statistic(EFFORT, 1, 100.0, compared=False), Statistic(EFFORT, 2, 100.0)
+USED = Statistic(EFFORT, 1, 100.0, compared=False)
 EXCESS = Statistic("event_excess", 0, 100.0, False, standing.without_interval(pd.Series.median))
-HARM = {
-    "worst [points]": Statistic(EFFORT, 1, 100.0, average=standing.without_interval(pd.Series.min)),
-    "harmed [% of events]": Statistic("harmed", 0, 100.0, False, share),
-}
+SPREADING = {column.heading: column for column in DISTRIBUTION.values()}
 RULE_COLUMNS = {
     "used [%]": USED,
     "gain over alone [points]": GAIN,
     **dict.fromkeys((WIDE_ROOM, "starts", "receptive stops", "blended stops"), GAIN),
-    **HARM,
+    **SPREADING,
     "beyond the plan [%]": Statistic("over_delivery", 2, 100.0, False),
     "Q over the least of its impulse [%, median]": EXCESS,
     "Q over alone [kJ]": Statistic("damage"),
@@ -213,7 +207,7 @@ CONTROLLER_COLUMNS = {
     "used [%]": USED,
     "over perturb-observe [points]": GAIN,
     **dict.fromkeys(("starts", "receptive stops", "blended stops", "locomotives", NOISY), GAIN),
-    **HARM,
+    **SPREADING,
     "Q [kJ]": Statistic("damage", 0, 1.0, False),
     "slip [axle s]": Statistic("slip_time", 1, 1.0, False),
     "jerk [m/s3]": Statistic("jerk_rms", 2, 1.0, False),
@@ -223,11 +217,10 @@ CONTROLLER_COLUMNS = {
 
 def _describe_part(runs: Runs, name: str, reference: str, columns: Columns, strata: Strata) -> Row:
     """A line of a table; a column with the name of a stratum is over its events."""
-    harmed = find_gain(runs, name, reference) < -WORSE
-    numbers, base = runs[name].assign(harmed=harmed), runs[reference]
+    numbers, base = runs[name], runs[reference]
     parts = {key: numbers.loc[strata[key]] if key in strata else numbers for key in columns}
     texts = {key: column.text(parts[key], base) for key, column in columns.items()}
-    return {"events": len(harmed), **texts}
+    return {"events": len(numbers), **texts}
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
@@ -286,7 +279,8 @@ def statements(rows: pd.DataFrame) -> list[Statement]:
             add_claim(f"{rule}, {controller}", runs, rule, BASE)
     runs = split_runs(rows, BASE)
     for better, worse in CLAIMED_BETTER:
-        add_claim(f"{better} over {worse}", runs, better, worse, " (this project)")
+        source = " where units act alone (this project)"
+        add_claim(f"{better} over {worse}", runs, better, worse, source)
     return judge(claims)
 
 
@@ -345,33 +339,38 @@ def _join_runs(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> Runs:
 def tabulate_places(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> pd.DataFrame:
     """A new pair of rule and controller among those stored, a row for each part, the best first.
 
-    `used` [%]; `less`, by how much the new part is ahead [points], with its interval; `tied` where that may be nothing;
-    `mark`, see `MARKS`.
+    `used` [%]; `less`, by how much the new part is ahead [points], with its interval; its `median`; `tied` where `less` may
+    be nothing; `mark`, see `MARKS`.
     """
     (name, _), runs = compared_parts(*pair), _join_runs(rows, new_rows, pair)
     lines = []
     for part, values in runs.items():
-        lead, used = mean(find_gain(runs, name, part)), 100.0 * float(values[EFFORT].mean())
+        leads, used = find_gain(runs, name, part), 100.0 * float(values[EFFORT].mean())
+        lead = mean(leads)
         tied, mark = (
             lead.tied(100.0 * standing.NEGLIGIBLE),
             standing.find_mark(part, values["over_delivery"].mean()),
         )
-        lines.append((part, used, *lead[:3], tied, mark))
-    heads = ["name", "used", "less", "low", "high", "tied", "mark"]
+        lines.append((part, used, *lead[:3], float(leads.median()), tied, mark))
+    heads = ["name", "used", "less", "low", "high", "median", "tied", "mark"]
     places = pd.DataFrame(lines, columns=heads)
     return places.sort_values("used", ascending=False, kind="stable", ignore_index=True)
 
 
 def tabulate_gains(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> pd.DataFrame:
-    """Gain of the new part over its reference, see `compared_parts`, by parts of the events: mean with interval
-    [points], worst case, share of events harmed."""
-    gain, lines = find_gain(_join_runs(rows, new_rows, pair), *compared_parts(*pair)), []
-    for stratum, true in {"all": gain.notna(), **find_strata(rows)}.items():
-        part = gain[true]
-        harmed = share(part < -WORSE).value
-        lines.append((stratum, len(part), *mean(part)[:3], part.min(), harmed))
-    heads = ["events", "number", "gain", "low", "high", "worst", "harmed"]
-    return pd.DataFrame(lines, columns=heads)
+    """Gain of the new part over its reference, see `compared_parts`, by parts of the events: mean with interval, median,
+    trimmed mean, worst [points], shares of events gained and harmed."""
+    runs, (name, reference), lines = _join_runs(rows, new_rows, pair), compared_parts(*pair), []
+    for stratum, true in {"all": runs[name][EFFORT].notna(), **find_strata(rows)}.items():
+        part = runs[name].loc[true]
+        gain = GAIN.measure(part, runs[reference]).times(100.0)
+        line: Row = {"events": stratum, "number": len(part), "gain": gain.value}
+        line |= {"low": gain.low, "high": gain.high}
+        for key, column in DISTRIBUTION.items():
+            factor = column.scale if column.signed else 1.0
+            line[key] = factor * column.measure(part, runs[reference]).value
+        lines.append(line)
+    return pd.DataFrame(lines)
 
 
 def rank_study(rule: str, controller: str) -> Study:
@@ -419,23 +418,27 @@ def format_rank(pair: Pair, tables: Mapping[str, pd.DataFrame]) -> list[str]:
     """The tables of `rank_study`, for a terminal of 80 columns."""
     (name, reference), (places, gains) = compared_parts(*pair), tables.values()
     under = "where units act alone" if pair[0] == BASE else f"under {pair[1]}"
-    head, count = ("place", "", "used %", f"{name} less it [95 %]"), 0
+    head, count = ("place", "", "used %", f"{name} less it [95 %]", "median"), 0
     rows: list[tuple[str, ...]] = [head]
     for place in places.itertuples():
         count += place.mark == ""
         rank = "" if place.mark else f"{count}{'=' if place.tied else ''}"
         lead = Interval(place.less, place.low, place.high, gains["number"].max())
-        less, arrow = ("", ">") if place.name == name else (lead.text(2, sign=True), " ")
-        rows.append((f"{arrow}{rank:>4}", place.name + place.mark, f"{place.used:.1f}", less))
+        numbers = lead.text(2, sign=True), in_digits(place.median, 2, True)
+        numbers, arrow = (("", ""), ">") if place.name == name else (numbers, " ")
+        rows.append((f"{arrow}{rank:>4}", place.name + place.mark, f"{place.used:.1f}", *numbers))
     lines = [f"{name} {under}", *standing.align_columns(rows, left=2)]
-    rows = [("  events", "", "points [95 %]", "worst", "harmed %")]
+    rows = [("  events", "", "points [95 %]", "median", "worst", "harmed %")]
     for part in gains.itertuples():
         gain = Interval(part.gain, part.low, part.high, part.number).text(2, sign=True)
-        worst = in_digits(part.worst, 1, True) if part.number else ""
-        harmed = in_digits(100.0 * part.harmed, 0, False) if part.number else ""
-        rows.append((f"  {part.events}", str(part.number), gain, worst, harmed))
+        numbers = (part.median, 2, True), (part.worst, 1, True), (100.0 * part.harmed, 0, False)
+        texts = [in_digits(*number) if part.number else "" for number in numbers]
+        rows.append((f"  {part.events}", str(part.number), gain, *texts))
     lines += ["", f"{name} less {reference}:", *standing.align_columns(rows)]
     little = f"the interval holds 0, or less than {100 * standing.NEGLIGIBLE:g} points"
     no_place = {mark: f"{meaning}; has no place" for mark, meaning in standing.MARKS.items()}
     lines += standing.list_marks(lines, {"=": f"cannot be told from {name}: {little}", **no_place})
-    return [*lines, f"harmed: loses more than {WORSE:g} points"]
+    whole, points = gains.iloc[0], f"{100 * standing.LITTLE:g} points"
+    trimmed, gained = in_digits(whole["trimmed"], 2, True), 100.0 * whole["gained"]
+    lines += [f"all without the outer tenths: {trimmed}; {gained:.0f} % gain more than {points}"]
+    return [*lines, f"harmed: loses more than {points}"]

@@ -16,7 +16,17 @@ from studies.files.scenario import Scenario
 from studies.files.scenario_files import default_scenarios
 from studies.run_cell import cell, run
 from studies.runner.study import WIDE, Cell, Row, Study
-from studies.standing import EFFORT, MARKS, Statistic, align_columns, find_mark, is_tied, list_marks
+from studies.standing import (
+    DISTRIBUTION,
+    EFFORT,
+    GAIN,
+    MARKS,
+    Statistic,
+    align_columns,
+    find_mark,
+    is_tied,
+    list_marks,
+)
 from studies.statistics import Interval, draw_forest, in_digits
 
 if TYPE_CHECKING:
@@ -26,7 +36,7 @@ REFERENCE = "alone"
 """Rule from which the others' differences are counted."""
 COLUMNS = {
     "used": Statistic(EFFORT, 1, 100.0, compared=False, heading="used %"),
-    "gain": Statistic(EFFORT, 2, 100.0, heading="points over alone"),
+    "gain": GAIN._replace(heading="points over alone"),
     "damage": Statistic("damage", 0, heading="damage kJ"),
     "slip": Statistic("slip_time", 0, heading="slip axle s"),
 }
@@ -110,7 +120,7 @@ class Standing(NamedTuple):
     events: int
     runs: int
     numbers: Mapping[str, Interval]
-    """By the names of `COLUMNS`."""
+    """By the names of `COLUMNS` and of `DISTRIBUTION`."""
     over_delivery: float
     tied: bool
     """Whether it cannot be told from the best of those that a train can carry out."""
@@ -152,7 +162,8 @@ def _rank_under(rows: pd.DataFrame, controller: str) -> Iterator[Standing]:
     best = max(ranked, key=lambda rule: runs[rule][EFFORT].mean(), default="")
     gaps = rows.groupby("rule")["rule_gap"].max()
     for rule in rules:
-        numbers = {name: column.measure(runs[rule], reference) for name, column in COLUMNS.items()}
+        columns = {**COLUMNS, **DISTRIBUTION}
+        numbers = {name: column.measure(runs[rule], reference) for name, column in columns.items()}
         tied = rule in ranked and (rule == best or is_tied(runs[best], runs[rule]))
         mark = marks[rule] + "†" * (rule in failed)
         gap = f"{gaps[rule]:.0e}".replace("nan", "")
@@ -160,7 +171,7 @@ def _rank_under(rows: pd.DataFrame, controller: str) -> Iterator[Standing]:
 
 
 def tabulate_standings(standings: Sequence[Standing]) -> pd.DataFrame:
-    """Standings as numbers: shares of the bound, kJ, axle seconds, with intervals."""
+    """Standings as numbers: shares of the bound, kJ, axle seconds, with intervals; how gains are spread, without."""
     rows = []
     for standing in standings:
         row: Row = {}
@@ -169,7 +180,9 @@ def tabulate_standings(standings: Sequence[Standing]) -> pd.DataFrame:
                 row[field] = value
                 continue
             for name, number in value.items():
-                row |= {name: number.value, f"{name}_low": number.low, f"{name}_high": number.high}
+                row[name] = number.value
+                if name in COLUMNS:
+                    row |= {f"{name}_low": number.low, f"{name}_high": number.high}
         rows.append(row)
     return pd.DataFrame(rows)
 

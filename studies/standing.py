@@ -9,9 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
+import scipy
 
 from alloc.rules import RULES
-from studies.statistics import Interval, mean
+from studies.statistics import Interval, mean, share
 
 EFFORT = "bound_use"
 """The metric that ranks."""
@@ -19,6 +20,10 @@ MOST_OVER = 0.01
 """Share of the plan delivered beyond it above which a rule is not ranked: the driver did not ask for that."""
 NEGLIGIBLE = 1e-3
 """A tenth of a point of the bound: nobody chooses a rule by it, however sure it is."""
+LITTLE = 3e-3
+"""Three tenths of a point of the bound: an event that gains or loses more counts as gained or as harmed."""
+TRIMMED = 0.1
+"""Share of the events that a trimmed mean leaves out at each end."""
 
 
 class Statistic(NamedTuple):
@@ -33,6 +38,8 @@ class Statistic(NamedTuple):
     average: Callable[[Any], Interval] = mean
     heading: str = ""
     """In a terminal; left out: its name."""
+    signed: bool = True
+    """Whether a difference has a sign: the share of events with some difference has none."""
 
     def measure(self, runs: pd.DataFrame, reference: pd.DataFrame | None = None) -> Interval:
         """The number over the events of `runs`, in the metric's unit."""
@@ -42,7 +49,7 @@ class Statistic(NamedTuple):
 
     def text(self, runs: pd.DataFrame, reference: pd.DataFrame | None = None) -> str:
         """The number in the unit of the heading, with its interval; a difference has a sign."""
-        sign = self.compared and reference is not None
+        sign = self.signed and self.compared and reference is not None
         return self.measure(runs, reference).text(self.digits, self.scale, sign)
 
 
@@ -53,6 +60,39 @@ def without_interval(reduce: Callable[[Any], Any]) -> Callable[[Any], Interval]:
 
 Columns = Mapping[str, Statistic]
 """By their names in a table."""
+
+
+def _trim(gains: "pd.Series[float]") -> float:
+    return float(scipy.stats.trim_mean(gains, TRIMMED))
+
+
+def _find_gained(gains: "pd.Series[float]") -> Interval:
+    return share(gains.dropna() > LITTLE)
+
+
+def _find_harmed(gains: "pd.Series[float]") -> Interval:
+    return share(gains.dropna() < -LITTLE)
+
+
+GAIN = Statistic(EFFORT, 2, 100.0)
+DISTRIBUTION: Columns = {
+    "median": GAIN._replace(
+        average=without_interval(pd.Series.median), heading="median gain [points]"
+    ),
+    "trimmed": GAIN._replace(
+        average=without_interval(_trim), heading="gain without the outer tenths [points]"
+    ),
+    "worst": GAIN._replace(
+        digits=1, average=without_interval(pd.Series.min), heading="worst [points]"
+    ),
+    "gained": GAIN._replace(
+        digits=0, average=_find_gained, heading="gained [% of events]", signed=False
+    ),
+    "harmed": GAIN._replace(
+        digits=0, average=_find_harmed, heading="harmed [% of events]", signed=False
+    ),
+}
+"""How gains are spread over events, said beside every mean of them: their tails are heavy, so a mean may be that of few."""
 
 MARKS = {
     "°": "knows the rail, as nobody on board can",

@@ -6,6 +6,7 @@ The question to every other rule: does its gain come from knowing where the adhe
 import numpy as np
 
 from alloc.compilation import jit
+from alloc.onboard.beliefs import ROOM
 from alloc.onboard.signatures import share
 from alloc.rules.rule import RULES, Rule
 
@@ -44,7 +45,8 @@ ALONE = Rule(
 )
 
 MOST = 1.3
-"""Bound of `uniform` over the plan; without one its sum winds up to eight times the plan where the rail carries no more."""
+"""Bound of `uniform` over the plan, and what `most` asks for; without it the sum of `uniform` winds up to eight times the
+plan where the rail carries no more."""
 GAIN = 0.1
 """Part of the train's shortfall that `uniform` adds per telegram. Tuned on 20 events with headroom (seed 1000): 0.03,
 0.1 and 0.3 use 95.3, 95.6 and 95.5 % of the bound under cut-and-ramp, 98.6, 99.2 and 99.3 % under perturb-observe."""
@@ -72,6 +74,56 @@ UNIFORM = Rule(
     "delivered",
     colour="#9bacd0",
     marker="+",
+)
+
+
+@share
+def share_most(units, run):
+    """All are asked for `MOST` of the plan at any time, so that what some lack others have delivered already."""
+    run.case = find_case(units, run)
+    for u in units:
+        u.wanted = min(MOST * run.plan, u.most)
+    return np.nan
+
+
+ASK_MOST = Rule(
+    "most",
+    "all asked for 1.3 times the plan, always: what a driver gets who asks for more than is wanted",
+    share_most,
+    "delivered always",
+    colour="#ae87a3",
+    marker="x",
+)
+
+
+@share
+def share_spread(units, run):
+    """What limited units lack, in equal parts over all others; nobody is asked for less than the plan, and no mark is read.
+
+    A limited unit has room to search, as under `cooperative`. The obvious answer to a shortfall: a method with a memory of
+    what the rail carried is worth what it adds to this one.
+    """
+    run.case = find_case(units, run)
+    lacking, able = 0.0, 0.0
+    for u in units:
+        limited = u.searching != 0 or u.most < run.plan
+        effort = min(u.reported, u.most) if limited else run.plan
+        lacking += u.mass_share * (run.needed - effort)
+        able += 0.0 if limited else u.mass_share
+    more = max(lacking, 0.0) / able if able > 0.0 else 0.0
+    for u in units:
+        limit = max(ROOM * u.reported, run.plan) if u.searching != 0 else run.plan + more
+        u.wanted = min(limit, u.most)
+    return np.nan
+
+
+SPREAD = Rule(
+    "spread",
+    "what limited units lack in equal parts over all others, without marks",
+    share_spread,
+    "delivered",
+    colour="#389ea2",
+    marker="2",
 )
 
 MOVED = 0.1
@@ -185,5 +237,5 @@ ERP = Rule(
     marker="1",
 )
 
-for _rule in (ALONE, UNIFORM, PRESET, SHARING, ERP):
+for _rule in (ALONE, UNIFORM, ASK_MOST, SPREAD, PRESET, SHARING, ERP):
     RULES.register(_rule)
