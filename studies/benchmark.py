@@ -431,8 +431,8 @@ def format_rank(pair: Pair, tables: Mapping[str, pd.DataFrame]) -> list[str]:
     rows = [("  events", "", "points [95 %]", "median", "worst", "harmed %")]
     for part in gains.itertuples():
         gain = Interval(part.gain, part.low, part.high, part.number).text(2, sign=True)
-        numbers = (part.median, 2, True), (part.worst, 1, True), (100.0 * part.harmed, 0, False)
-        texts = [in_digits(*number) if part.number else "" for number in numbers]
+        tail = (part.median, 2, True), (part.worst, 1, True), (100.0 * part.harmed, 0, False)
+        texts = [in_digits(*number) if part.number else "" for number in tail]
         rows.append((f"  {part.events}", str(part.number), gain, *texts))
     lines += ["", f"{name} less {reference}:", *standing.align_columns(rows)]
     little = f"the interval holds 0, or less than {100 * standing.NEGLIGIBLE:g} points"

@@ -171,6 +171,26 @@ def test_uniform_never_asks_for_more_than_1_3_plan():
     assert limit == pytest.approx([1.3 * 0.9 * PLAN] * 4)
 
 
+def test_spread_gives_what_limited_units_lack_to_all_others_in_equal_parts():
+    """A limited unit has room to search, and keeps the plan at least; masses weigh what is lacking."""
+    problem = AllocationProblem(
+        [math.inf] * 4, PLAN, [1.0, 1.0, 3.0, 1.0], limit_max=[math.inf, math.inf, math.inf, 0.5 * PLAN],
+        delivered=[0.6 * PLAN, 1.2 * PLAN, PLAN, 0.0], searching=[1, 1, 0, 0],
+    )  # fmt: skip
+    limits = RULES["spread"](problem).limit
+    # lacking: 0.4 - 0.2 of the first two, 1.0 of the last, for a mass of 3
+    assert limits / PLAN == pytest.approx([1.0, 1.06 * 1.2, 1.0 + 1.2 / 3.0, 0.5])
+    for drawn_problem in drawn(30):
+        within = np.minimum(PLAN, drawn_problem.limit_max)
+        assert (RULES["spread"](drawn_problem).limit >= within - 1e-12).all()
+
+
+def test_most_is_1_3_plan_whatever_is_reported():
+    for problem in drawn(30):
+        limit = RULES["most"](problem).limit
+        assert limit == pytest.approx(np.minimum(1.3 * PLAN, problem.limit_max))
+
+
 def test_sharing_hands_on_a_shortfall_in_equal_parts():
     problem = AllocationProblem([0.1, 0.3, 0.3], PLAN, delivered=[0.1, PLAN, PLAN])
     limit = RULES["sharing"](problem).limit

@@ -91,7 +91,7 @@ ASK_MOST = Rule(
     "all asked for 1.3 times the plan, always: what a driver gets who asks for more than is wanted",
     share_most,
     "delivered always",
-    colour="#ae87a3",
+    colour="#684e75",
     marker="x",
 )
 

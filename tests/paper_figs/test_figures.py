@@ -19,7 +19,7 @@ from studies.runner.catalogue import STUDIES
 
 FIGURES = paper_figs.all_figures()
 STYLE = paper_figs.__path__[0] + "/readhesion.mplstyle"
-COUNTED = ("axle", "unit", "event", "rule", "car", "bogie", "stop", "test", "station")
+COUNTED = ("axle", "unit", "event", "rule", "controller", "car", "bogie", "stop", "test", "station")
 """Quantities without a unit, at the beginning of a label."""
 PADDING = 0.05
 """Empty border [in] of a legend, which may lie outside the page."""

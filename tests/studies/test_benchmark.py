@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies import benchmark
+from studies import benchmark, standing
 from studies.population import population
 from studies.runner.study import run_study
+from studies.statistics import in_digits
 
 RULES_RUN, CONTROLLERS_RUN = ("alone", "cooperative", "oracle"), ("cut-and-ramp", "perturb-observe")
 
@@ -74,6 +75,31 @@ def test_tables_have_a_row_for_each_pair(rows):
     used = benchmark.split_runs(rows, "alone")["cut-and-ramp"]["bound_use"].mean() * 100.0
     assert own["cut-and-ramp"] == pytest.approx(used)
     assert (points.groupby("controller").size()[["cut-and-ramp", "perturb-observe"]] == 5).all()
+
+
+def test_all_tables_say_alike_how_gains_are_spread(rows):
+    """Median, trimmed mean, worst, shares of gained and of harmed: of the table, of a rank, of their definitions."""
+    gains = np.array([-0.04, -0.002, *[0.0] * 14, 0.002, 0.004, 0.01, 0.2])
+    base = pd.DataFrame({"bound_use": np.full(20, 0.5)}, index=[f"event {k}" for k in range(20)])
+    runs = base + gains[:, None]
+    texts = [column.text(runs, base) for column in standing.DISTRIBUTION.values()]
+    assert [text.split(" [")[0] for text in texts] == [
+        "+0.00",
+        "+0.04",
+        "\N{MINUS SIGN}4.0",
+        "15",
+        "5",
+    ]
+    lost = {name: column.measure(base, runs) for name, column in standing.DISTRIBUTION.items()}
+    assert lost["harmed"] == standing.DISTRIBUTION["gained"].measure(runs, base)
+    pair, part = ("cooperative", "cut-and-ramp"), rows["rule"] == "cooperative"
+    single = rows[part & (rows["controller"] == "cut-and-ramp")]
+    ranked = benchmark.tabulate_gains(rows, single, pair).iloc[0]
+    line = benchmark.table(rows).set_index(["controller", "rule"]).loc[pair[::-1]]
+    for name, column in standing.DISTRIBUTION.items():
+        number = ranked[name] * (1.0 if column.signed else column.scale)
+        text = in_digits(number, column.digits, column.signed)
+        assert line[column.heading].split(" [")[0] == text, name
 
 
 def test_rows_are_read_as_they_were_stored(rows, tmp_path, monkeypatch):
