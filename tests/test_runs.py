@@ -74,8 +74,8 @@ def test_a_run_served_by_python_equals_the_compiled_one_to_the_last_bit(rule, co
 
 @pytest.mark.parametrize("command", [PULL, STOP])
 @pytest.mark.parametrize(
-    ("rule", "controller"), [one for one in PAIRS if "table" not in one]
-)  # it rises slowly
+    ("rule", "controller"), [one for one in PAIRS if not {"table", "most"} & {*one}]
+)  # the first rises slowly, the second asks for more than the plan
 def test_on_a_dry_rail_every_pair_keeps_the_plan(rule, controller, command):
     run = simulate(event(command=command, level=0.5, patches=(), duration=8.0), rule, controller)
     found = evaluate(run)
