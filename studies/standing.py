@@ -63,7 +63,7 @@ Columns = Mapping[str, Statistic]
 
 
 def _trim(gains: "pd.Series[float]") -> float:
-    return float(scipy.stats.trim_mean(gains, TRIMMED))
+    return float(scipy.stats.trim_mean(gains, TRIMMED)) if len(gains) else math.nan
 
 
 def _find_gained(gains: "pd.Series[float]") -> Interval:
