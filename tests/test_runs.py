@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 from alloc.evaluation.metrics import evaluate
+from alloc.evaluation.recorded_run import RecordedRun
 from alloc.onboard.columns import TABLES as BOARD_TABLES
 from alloc.onboard.controllers import CONTROLLERS, Controller
 from alloc.onboard.settings import Onboard, Sensors
@@ -49,6 +50,18 @@ def served(rule, controller):
     )
     control = getattr(controller.control, "py_func", controller.control)
     return plain, replace(controller, control=control)
+
+
+@pytest.mark.parametrize(("rule", "controller"), [("oracle", "none"), ("cooperative", "mpc")])
+def test_the_bound_of_a_start_holds_from_the_first_instant_on_and_on_dry_rail_it_is_reached(
+    rule, controller
+):
+    for level in (0.12, 0.6):
+        run = simulate(event(level=level, patches=()), rule, controller)
+        bounds, used = RecordedRun(run).bounds, evaluate(run)["bound_use"]
+        beyond = np.minimum(bounds.force, bounds.plan) - bounds.bound
+        assert (beyond < 5e-3 * bounds.plan.max()).all()
+        assert used > (0.998 if level == 0.6 else 0.8)
 
 
 PAIRS = [(rule, "perturb-observe") for rule in RULES] + [

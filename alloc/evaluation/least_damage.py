@@ -102,7 +102,7 @@ def find_best_splits(run: RecordedRun) -> BestSplits | None:
     # wheels that failed motors do not turn resist, whatever the split
     carried = (way[:, None] * run["rail_force"][instants])[:, axles]
     force = carried.sum(axis=1) - np.minimum(pull, 0.0).sum(axis=1)
-    plan = run.settled[instants] * run.planned[instants] * run.load[axles].sum()
+    plan = (run.built_up[instants, : run.axles.size] * run["unit_static_load"]).sum(axis=1)
     power = np.abs(run["slip_velocity"][instants][:, axles] * carried).sum(axis=1)
     possible = np.clip(force, 0.0, delivered[:, -1])
     return BestSplits(possible, power, np.maximum(plan, force), delivered, dissipated)

@@ -167,14 +167,15 @@ def time_to_speed(run: RecordedRun) -> float:
 
 
 # A train gains a dt in the time dt; on dry rail it would gain as much in a / a_dry of that time. So what it loses until it
-# has its last speed is the integral of 1 - a / a_dry over the settled instants, in time or along its way: no second run, a
-# lead counts as well as a lag, and the end of the event does not matter.
+# has its last speed is the integral of 1 - a / a_dry, in time or along its way: no second run, a lead counts as well as a
+# lag, and the end of the event does not matter. While the plan builds up, what that leaves takes the place of the 1.
 
 
 def integrate_loss(run: RecordedRun, way: float, weight: Any = 1.0) -> float:
-    """Integral of `weight` (time,) times 1 - a / a_dry over the settled instants of this direction of the demand."""
-    counted = run.settled & (run.way == way) & (run.dry_gain > LEAST_GAIN)
-    late = (1.0 - run.gain / np.maximum(run.dry_gain, LEAST_GAIN)) * weight
+    """Integral of `weight` (time,) times 1 - a / a_dry over the instants of this direction of the demand."""
+    dry, built_up = run.dry_gains
+    counted = (run.way == way) & (dry > LEAST_GAIN)
+    late = (built_up - run.gain) / np.maximum(dry, LEAST_GAIN) * weight
     return float(late[counted].sum() * run.period) if counted.any() else math.nan
 
 

@@ -21,8 +21,6 @@ SUMMED = "rail_force", "adhesion_limit", "axle_load", "slip_velocity", "peak_sli
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-SETTLING = 2.0
-"""Time [s] left out after the driver asks for more: torque rises in 1 s, and cylinders take as long to fill."""
 JERK_CUT_OFF = 5.0
 """Cut-off frequency [Hz] of the low-pass on a car's acceleration: ride comfort depends on a few hertz."""
 SLIP_FACTOR = 2.0
@@ -34,12 +32,12 @@ STANDSTILL = 0.01
 
 
 class TrainBounds(NamedTuple):
-    """Forces at the rail [N] at the settled instants, (instants,) each."""
+    """Forces at the rail [N] at the instants under demand, (instants,) each."""
 
     plan: Floats
-    """What the driver asks for, by the true masses."""
+    """What the driver asks for, by the true masses, rising within the jerk limit."""
     bound: Floats
-    """The largest force that rail and motors allow, at most the plan."""
+    """The largest force that rail and motors allow, at most the plan behind the lags of motors and cylinders."""
     apart: Floats
     """The same if each unit delivers no more than its own part of the plan."""
     force: Floats
@@ -104,12 +102,39 @@ class RecordedRun:
         return 2 if math.isnan(self.period) else max(1, round(time / self.period))
 
     @cached_property
-    def settled(self) -> Flags:
-        """Instants under demand at least `SETTLING` after the demand has grown, (time,)."""
-        calm = self.demand.copy()
-        for k in np.flatnonzero(np.diff(np.abs(self.command), prepend=0.0) > 0.0):
-            calm[k : k + self.instants(SETTLING)] = False
-        return calm
+    def first_axles(self) -> NDArray[np.int64]:
+        """Foremost axle of each part: of each unit, then of each brake group of trailing axles."""
+        number, first = np.unique(self.part, return_index=True)
+        return first[number >= 0]
+
+    def risen(self, ceiling: float, lag: Floats, dead: Floats | float = 0.0) -> Floats:
+        """The plan within the jerk limit, as a coefficient, behind dead times and lags [s] of parts, (time, part).
+
+        It ends at `ceiling` of the plan.
+        """
+        step, rise = self.period, float(self.attrs["rise_time"])
+        # commands are held for a period, so their mean is half of it ahead of a straight rise
+        lead = 0.5 * float(self.attrs["control_period"])
+        level = np.empty((self.demand.size, lag.size))
+        dead = np.broadcast_to(dead, lag.shape)
+        plan = self.planned * self.way
+        build_up(plan, step, lead, rise, ceiling, lag, dead, level)
+        return level
+
+    @cached_property
+    def built_up(self) -> Floats:
+        """What each part gives of the plan on rail that carries everything, as a coefficient, (time, part).
+
+        A unit has its motors, and under blended brakes air where they give less.
+        """
+        units, first = self.axles.size, self.first_axles
+        level = self.risen(1.0, self["unit_lag"])
+        if not self.air.any():
+            return level
+        air = self.risen(1.0, *(self[f"axle_{name}_time"][first] for name in ("fill", "dead")))
+        electric = self.limits / np.maximum(self["unit_static_load"], 1.0)
+        both = np.where(self.air[:, None], np.minimum(level, electric + air[:, :units]), level)
+        return np.append(both, air[:, units:], axis=1)
 
     @cached_property
     def stretches(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -131,13 +156,16 @@ class RecordedRun:
         return AxleSums(acting.sum(axis=1), total, carried * count, used[:, :n], *times)
 
     @cached_property
-    def at_rim(self) -> Floats:
-        """Force at the rim of each unit's motors at their limits [N], (time, unit); inf where air makes up for them."""
+    def limits(self) -> Floats:
+        """Force at the rim of each unit's motors at their limits [N], (time, unit)."""
         braking = (self.way < 0.0)[:, None]
         limit = np.where(braking, self["brake_limit"], self["drive_limit"])
-        pull = np.asarray(self.axles * self["unit_gear"] / self["unit_radius"] * limit)
-        pull[self.air] = np.inf
-        return pull
+        return np.asarray(self.axles * self["unit_gear"] / self["unit_radius"] * limit)
+
+    @cached_property
+    def at_rim(self) -> Floats:
+        """The same; inf where air makes up for them."""
+        return np.where(self.air[:, None], np.inf, self.limits)
 
     @cached_property
     def motors(self) -> Floats:
@@ -147,33 +175,42 @@ class RecordedRun:
 
     @cached_property
     def bounds(self) -> TrainBounds:
-        """In blended braking every trailer's brake group adds its own part of the plan, as far as the rail carries it."""
-        calm, units, (first, k) = self.settled, self.axles.size, self.stretches
-        k, air, carried = k[calm], self.air[calm], self.sums.carried.compress(calm, axis=0)
-        delivered, braked = self.sums.delivered.compress(calm, axis=1)
-        planned, most = self.planned[first, None], carried[:, :units]
+        """In blended braking every trailer's brake group adds its own part of the plan, as far as the rail carries it.
+
+        No unit rises faster than the jerk limit and its lag let it, and no train has to make up for what its lags cost.
+        """
+        pulls, units = self.demand, self.axles.size
+        air, carried = self.air[pulls], self.sums.carried.compress(pulls, axis=0)
+        delivered, braked = self.sums.delivered.compress(pulls, axis=1)
+        asked = self.risen(1.0, np.zeros(1)).compress(pulls, axis=0)[:, 0]
+        built, most = self.built_up.compress(pulls, axis=0), carried[:, :units]
         parallel = self["unit_parallel"] > 0
         if parallel.any():
             limit = self["adhesion_limit"] * self["axle_load"]
-            available = np.maximum(limit, np.abs(self["rail_force"]))[calm]
+            available = np.maximum(limit, np.abs(self["rail_force"]))[pulls]
             most = np.where(parallel, available @ self.of_unit, most)
-        part = planned * self["unit_static_load"]
-        most = np.minimum(most, self.motors.compress(calm, axis=0))
-        plan, bound = part.sum(axis=1)[k], np.maximum(sum_columns(most), 0.0)
-        apart = np.maximum(sum_columns(np.minimum(part.take(k, axis=0), most)), 0.0)
+        load = self["unit_static_load"]
+        part, free = built[:, :units] * load, self.risen(math.inf, self["unit_lag"]) * load
+        most = np.minimum(most, self.motors.compress(pulls, axis=0))
+        most = np.minimum(most, free.compress(pulls, axis=0))
+        plan, reach, bound = asked * load.sum(), sum_columns(part), sum_columns(most)
+        apart = sum_columns(np.minimum(part, most))
         if self.trailing.any():
-            part = planned * np.bincount(self.part[self.trailing] - units, self.load[self.trailing])
-            held = np.minimum(part.take(k, axis=0), carried[:, units:]).sum(axis=1)
-            more = part.sum(axis=1)[k], held, held, braked
-            for total, trailers in zip((plan, bound, apart, delivered), more, strict=True):
+            load = np.bincount(self.part[self.trailing] - units, self.load[self.trailing])
+            part = built[:, units:] * load
+            held = np.minimum(part, carried[:, units:]).sum(axis=1)
+            more = asked * load.sum(), part.sum(axis=1), held, held, braked
+            for total, trailers in zip((plan, reach, bound, apart, delivered), more, strict=True):
                 total += np.where(air, trailers, 0.0)
-        return TrainBounds(plan, np.minimum(plan, bound), np.minimum(plan, apart), delivered)
+        reach = np.minimum(plan, reach)
+        bound, apart = (np.clip(total, 0.0, reach) for total in (bound, apart))
+        return TrainBounds(plan, bound, apart, delivered)
 
     @cached_property
-    def dry_gain(self) -> Floats:
+    def dry_gains(self) -> tuple[Floats, Floats]:
         """Acceleration [m/s2] that the train would have at its speed and place on rail that carries everything, (time,).
 
-        Each unit then delivers its own part of the plan, or what its motors give.
+        Each unit then delivers its own part of the plan, or what its motors give; and the same as it has built up.
         """
         first, k = self.stretches
         wanted = self.planned[first, None] * self.load  # of an axle that acts, at its rim
@@ -182,9 +219,17 @@ class RecordedRun:
         turned = self.driven | trailing  # these wheelsets take their part of the rim's force
         moved = self["car_mass"].sum() + (self.turning * ~turned).sum(axis=1)
         whole = moved + (self.turning * turned).sum(axis=1)
-        rim = sum_columns(np.minimum(wanted.take(k, axis=0) @ self.of_unit, self.at_rim))
-        rim += (wanted * trailing).sum(axis=1)[k]
-        return np.asarray((moved[k] * self.gain + rim - self.sums.acting) / whole[k])
+        of_unit = (wanted @ self.of_unit).take(k, axis=0)
+        of_trailer = (wanted * trailing)[:, self.trailing].take(k, axis=0)
+        given = moved[k] * self.gain - self.sums.acting
+        built = self.built_up / np.where(self.planned > 0.0, self.planned, 1.0)[:, None]
+
+        def gain(units: Any, trailers: Any) -> Floats:
+            rim = sum_columns(np.minimum(of_unit * units, self.at_rim))
+            return np.asarray((given + rim + (of_trailer * trailers).sum(axis=1)) / whole[k])
+
+        units, number = self.axles.size, self.part[self.trailing]
+        return gain(1.0, 1.0), gain(built[:, :units], built[:, number])
 
     @cached_property
     def end(self) -> int:
@@ -234,6 +279,30 @@ def sum_axles(
             slipping += abs(slip[k, i]) > SLIP_FACTOR * top[k, i]
             locked += runs[k] and abs(rim[k, i]) < STANDING_SPEED
     return n, slipping, locked
+
+
+@jit
+def build_up(plan, step, lead, rise, ceiling, lag, dead, level):
+    """What parts have risen to, into `level` (time, part): `plan` (time,), negative braking, every `step` [s], within its
+    jerk limit, up to `ceiling` of it, behind `dead` times and `lag` [s].
+
+    It rises by itself in the time `rise`, `lead` [s] ahead of the first instant. The recursion is exact where it is linear
+    from instant to instant.
+    """
+    asked, value = np.empty(plan.size), 0.0
+    for k in range(plan.size):
+        begins = k == 0 or plan[k] * plan[k - 1] <= 0.0
+        value = lead / rise * abs(plan[k]) if begins else value + step / rise * abs(plan[k])
+        asked[k] = value = min(value, ceiling * abs(plan[k])) if plan[k] != 0.0 else 0.0
+    for j in range(lag.size):
+        keep, mean, late, last, value = 0.0, 0.0, round(dead[j] / step), 0.0, 0.0
+        if lag[j] > 0.0:
+            keep = math.exp(-step / lag[j])
+            mean = (1.0 - keep) * lag[j] / step
+        for k in range(plan.size):
+            now = asked[k - late] if k >= late else 0.0
+            value = keep * value + (mean - keep) * last + (1.0 - mean) * now
+            level[k, j], last = value, now
 
 
 def sum_columns(values: Floats) -> Floats:

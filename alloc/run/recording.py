@@ -146,13 +146,17 @@ def _derived_entries(record: Recording, instants: slice, w: World) -> Iterator[E
     parallel = drives.slip_torque > 0.0
     for table, rows, names in (
         (WHEELSET, a, ("unit", "car", "brake", "contact", "static_load", "radius")),
-        (DRIVE, drives, ("gear", "radius")),
+        (DRIVE, drives, ("gear", "radius", "lag")),
         (CAR, w.cars, ("mass",)),
     ):
         for column in names:
             name = f"{table.name}_{'group' if column == 'brake' else column}"
             unit, meaning = table.columns[column].unit, table.columns[column].meaning
             yield name, (table.name,), rows[column], unit, meaning
+    for column in ("fill_time", "dead_time"):  # of the cylinder at an axle; 0 where it has none
+        values = np.append(w.cylinders[column], 0.0)[a.brake]
+        meaning = CYLINDER.columns[column].meaning
+        yield f"axle_{column}", ("axle",), values, "s", f"of its brake cylinder: {meaning}"
     text = "mass that would resist like the turning wheelset"
     yield "axle_turning_mass", ("axle",), a.inertia / a.radius**2, "kg", text
     text = "axle load at rest of the unit's axles, summed"
@@ -206,6 +210,8 @@ def _attributes(
         "axle_count": w.wheelsets.size,
         "target_speed": np.nan if event.target_speed is None else event.target_speed,
         "blended_brakes": int(w.onboard.blended[0]),
+        "control_period": float(run.period),
+        "rise_time": float(run.rise),
         "rule_calls": int(run.asked),
         "rule_failures": int(run.rule_faults),
         "rule_gap": float(run.rule_gap),
