@@ -139,7 +139,7 @@ def pose_problem(unit, axles, m, run):
     scale = torque_scale(b)
     if m.direction != run.sign:
         reset_memory(m, axles[0].unit, max(unit.motor_torque, 0.0), scale)
-        m.direction = run.sign
+        m.direction, b.target = run.sign, unit.torque_target
     i = observe_axles(unit, axles, m, run)
     if i < 0:
         return False
@@ -148,7 +148,9 @@ def pose_problem(unit, axles, m, run):
     b.pair_slip = max(m.slip[i], LEAST_SLIP, m.noise)
     b.elasticity = clip(m.elasticity, m.least, 1.0)
     b.air, b.acceleration, b.lag = unit.air, m.acceleration, unit.lag
-    b.before, b.target, b.upper, b.share = m.torques[0] * scale, unit.torque_target, upper, 1.0
+    # changes have a price, but not those of the target: behind a rising one the unit would look as if it held back
+    b.before = m.torques[0] * scale + unit.torque_target - b.target
+    b.target, b.upper, b.share = unit.torque_target, upper, 1.0
     b.slip, b.torque, numbers = m.reading[i], m.torque, line_dynamics(b, run.period)
     for k in range(m.late):  # the plan begins when computing ends
         b.slip, b.torque = advance_slip(b.slip, b.torque, m.pending[k], 1.0, numbers)

@@ -114,6 +114,13 @@ def test_readings_that_are_no_numbers_are_a_fault_and_leave_nothing_behind(name)
     assert np.isfinite(m.torques).all()
 
 
+def test_a_target_that_rises_on_a_dry_rail_is_followed_without_a_lag():
+    """A torque behind its target would say that adhesion limits the unit, and no wheel would be believed to roll."""
+    _, _, command, _ = drive(CONTROLLER, lambda t: 0.4, 0.08, seconds=1.4)
+    target = np.minimum(1e-3 * np.arange(command.size), 0.15)
+    assert command[20:] == pytest.approx(target[20:], rel=1e-3)
+
+
 def test_without_a_plan_cut_and_ramp_commands():
     unit, axles, run = rows()
     memory, run.reference_speed, unit.torque_target = CONTROLLER.rows(1)[0], np.nan, 0.1 * SCALE
