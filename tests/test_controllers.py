@@ -106,6 +106,13 @@ def test_a_search_finds_a_wide_peak_with_noisy_sensors_too(controller):
         assert mu[-500:].mean() > 0.98 * 0.08
 
 
+def test_steps_grow_until_the_search_first_turns_so_a_wide_peak_is_reached_within_seconds():
+    """With steps of one size from 0.085 m/s to 0.5 m/s it would take 7 s."""
+    slip, mu, *_ = drive(CONTROLLERS["perturb-observe"], lambda t: 0.08, 0.4, seconds=6.0)
+    assert mu[300:400].mean() > 0.98 * 0.08
+    assert slip[-100:].mean() < 0.55
+
+
 @looped("period", (0.01, 0.02, 0.005, 0.03))
 def test_an_interval_is_a_number_of_control_periods(period):
     one = CONTROLLERS["perturb-observe"]
