@@ -106,7 +106,7 @@ def test_a_search_finds_a_wide_peak_with_noisy_sensors_too(controller):
         assert mu[-500:].mean() > 0.98 * 0.08
 
 
-def test_steps_grow_until_the_search_first_turns_so_a_wide_peak_is_reached_within_seconds():
+def test_steps_grow_with_the_slip_so_a_wide_peak_is_reached_within_seconds():
     """With steps of one size from 0.085 m/s to 0.5 m/s it would take 7 s."""
     slip, mu, *_ = drive(CONTROLLERS["perturb-observe"], lambda t: 0.08, 0.4, seconds=6.0)
     assert mu[300:400].mean() > 0.98 * 0.08

@@ -182,7 +182,7 @@ class RecordedRun:
         pulls, units = self.demand, self.axles.size
         air, carried = self.air[pulls], self.sums.carried.compress(pulls, axis=0)
         delivered, braked = self.sums.delivered.compress(pulls, axis=1)
-        asked = self.risen(1.0, np.zeros(1)).compress(pulls, axis=0)[:, 0]
+        wanted = self.risen(1.0, np.zeros(1)).compress(pulls, axis=0)[:, 0]
         built, most = self.built_up.compress(pulls, axis=0), carried[:, :units]
         parallel = self["unit_parallel"] > 0
         if parallel.any():
@@ -193,13 +193,13 @@ class RecordedRun:
         part, free = built[:, :units] * load, self.risen(math.inf, self["unit_lag"]) * load
         most = np.minimum(most, self.motors.compress(pulls, axis=0))
         most = np.minimum(most, free.compress(pulls, axis=0))
-        plan, reach, bound = asked * load.sum(), sum_columns(part), sum_columns(most)
+        plan, reach, bound = wanted * load.sum(), sum_columns(part), sum_columns(most)
         apart = sum_columns(np.minimum(part, most))
         if self.trailing.any():
             load = np.bincount(self.part[self.trailing] - units, self.load[self.trailing])
             part = built[:, units:] * load
             held = np.minimum(part, carried[:, units:]).sum(axis=1)
-            more = asked * load.sum(), part.sum(axis=1), held, held, braked
+            more = wanted * load.sum(), part.sum(axis=1), held, held, braked
             for total, trailers in zip((plan, reach, bound, apart, delivered), more, strict=True):
                 total += np.where(air, trailers, 0.0)
         reach = np.minimum(plan, reach)
@@ -221,12 +221,12 @@ class RecordedRun:
         whole = moved + (self.turning * turned).sum(axis=1)
         of_unit = (wanted @ self.of_unit).take(k, axis=0)
         of_trailer = (wanted * trailing)[:, self.trailing].take(k, axis=0)
-        given = moved[k] * self.gain - self.sums.acting
+        beside = moved[k] * self.gain - self.sums.acting
         built = self.built_up / np.where(self.planned > 0.0, self.planned, 1.0)[:, None]
 
         def gain(units: Any, trailers: Any) -> Floats:
             rim = sum_columns(np.minimum(of_unit * units, self.at_rim))
-            return np.asarray((given + rim + (of_trailer * trailers).sum(axis=1)) / whole[k])
+            return np.asarray((beside + rim + (of_trailer * trailers).sum(axis=1)) / whole[k])
 
         units, number = self.axles.size, self.part[self.trailing]
         return gain(1.0, 1.0), gain(built[:, :units], built[:, number])
@@ -289,18 +289,18 @@ def build_up(plan, step, lead, rise, ceiling, lag, dead, level):
     It rises by itself in the time `rise`, `lead` [s] ahead of the first instant. The recursion is exact where it is linear
     from instant to instant.
     """
-    asked, value = np.empty(plan.size), 0.0
+    risen, value = np.empty(plan.size), 0.0
     for k in range(plan.size):
         begins = k == 0 or plan[k] * plan[k - 1] <= 0.0
         value = lead / rise * abs(plan[k]) if begins else value + step / rise * abs(plan[k])
-        asked[k] = value = min(value, ceiling * abs(plan[k])) if plan[k] != 0.0 else 0.0
+        risen[k] = value = min(value, ceiling * abs(plan[k])) if plan[k] != 0.0 else 0.0
     for j in range(lag.size):
         keep, mean, late, last, value = 0.0, 0.0, round(dead[j] / step), 0.0, 0.0
         if lag[j] > 0.0:
             keep = math.exp(-step / lag[j])
             mean = (1.0 - keep) * lag[j] / step
         for k in range(plan.size):
-            now = asked[k - late] if k >= late else 0.0
+            now = risen[k - late] if k >= late else 0.0
             value = keep * value + (mean - keep) * last + (1.0 - mean) * now
             level[k, j], last = value, now
 

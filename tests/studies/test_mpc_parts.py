@@ -19,7 +19,9 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*experimental feature")
 @looped("name", PARTS)
 def test_every_part_holds_a_slip_near_the_peak(name):
     slip, mu, command, _ = drive(PARTS[name], lambda t: 0.08, 0.1, 8.0)
-    assert mu[-300:].mean() > (0.8 if "inverted" in name else 0.94) * 0.08
+    # without a swing no search moves, and the slip stays where it begins
+    least = {"own search above the believed line, inverted": 0.8, "no swing": 0.9}
+    assert mu[-300:].mean() > least.get(name, 0.94) * 0.08
     assert slip[-300:].max() < 0.5
     assert 0.0 < command[-300:].min() < command[-300:].max() < 0.15
 

@@ -82,9 +82,8 @@ def move_reference(m, step):
 PERTURB = Table(
     "perturb-observe",
     **SEARCH,
-    step=Column(0.012, "m s-1", "size of a move", source=TUNED),
+    step=Column(0.012, "m s-1", "size of a move at the first slip", source=TUNED),
     **SEARCHED,
-    turned=Column(0, ONE, "whether it has turned round"),
 )
 PERTURB_ROW = PERTURB.dtype
 
@@ -94,21 +93,13 @@ def perturb_observe(unit, axles, memory, run):
     """The slip held climbs by steps, and turns back where the coefficient fell (arXiv 2406.13650).
 
     As the source says, the step is a compromise between the time of the search and the loss about the peak, and a change of
-    the rail is mistaken for an answer to the step. So here steps are long in proportion to the slip until the search first
-    turns, and grow while it does not turn later: with equal ones a peak at 1.2 m/s would be 18 s away.
+    the rail is mistaken for an answer to the step. So here steps are in proportion to the slip, beyond the first: with equal
+    ones a peak at 1.2 m/s would be 18 s away.
     """
     m = memory.view(PERTURB_ROW)[0]
     if interval_is_over(unit, m, run):
         worse = m.coefficient_sum / m.samples < m.last_coefficient
-        m.turned = 1 if worse else m.turned
-        bold = m.step * max(1.0, m.reference / m.first)
-        step = (
-            2.0 * bold
-            if not m.turned
-            else m.step
-            if worse
-            else clip(1.5 * abs(m.moved), m.step, bold)
-        )
+        step = m.step * max(1.0, m.reference / m.first)
         move_reference(m, math.copysign(step, -m.moved if worse else m.moved))
     hold_slip(unit, m, m.reference, unit.worst_slip, run)
 
