@@ -67,7 +67,8 @@ UNDER = {
     "perturb-observe": (BASE, *SHARERS, BOUND),
     "mpc": (BASE, *INFORMATION["every unit's report"], "greedy", "exact", "most", BOUND),
 }
-"""Controllers under which rules are compared, and the rules; under the MPC all that are told reports and one of each other kind, since it takes longest."""
+"""Controllers under which rules are compared, and the rules; under the MPC all that are told reports and one of each other
+kind, since it takes longest."""
 SEARCH = "perturb-observe"
 """Controller with which all are compared where units act alone."""
 KNOBS: dict[str, tuple[str, tuple[float, ...]]] = {
