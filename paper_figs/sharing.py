@@ -18,8 +18,8 @@ from alloc.rules import RULES
 from paper_figs.style import WIDE, Drawing
 from studies import benchmark
 from studies.compare import REFERENCE, rank_rules
-from studies.standing import DISTRIBUTION, EFFORT
-from studies.statistics import Interval, draw_forest, mean
+from studies.standing import DISTRIBUTION, EFFORT, GAIN
+from studies.statistics import Interval, draw_forest
 
 FILLS = ("full", "left", "none")
 """How the marker of a rule is filled, by controller."""
@@ -183,8 +183,9 @@ def _draw_forest_of(
     """Gains of parts over a reference; a part without runs has an empty row."""
     numbers: dict[str, list[Interval]] = {name: [] for name in names if name != reference}
     for name in numbers.keys() & runs.keys():
-        median = DISTRIBUTION["median"].measure(runs[name], runs[reference]).times(100.0)
-        numbers[name] = [mean(benchmark.find_gain(runs, name, reference)), median]
+        shown = GAIN, DISTRIBUTION["median"]
+        both = (column.measure(runs[name], runs[reference]) for column in shown)
+        numbers[name] = [gain.times(100.0) for gain in both]
     draw_forest(axes, numbers, parts, 0.0)
     _scale_gains(axes, "x", (-100, -10, -1, 0, 1))
 

@@ -160,9 +160,8 @@ def _rank_under(rows: pd.DataFrame, controller: str) -> Iterator[Standing]:
     marks = {rule: find_mark(rule, over[rule]) for rule in rules}
     ranked = [rule for rule in rules if not marks[rule]]
     best = max(ranked, key=lambda rule: runs[rule][EFFORT].mean(), default="")
-    gaps = rows.groupby("rule")["rule_gap"].max()
+    gaps, columns = rows.groupby("rule")["rule_gap"].max(), {**COLUMNS, **DISTRIBUTION}
     for rule in rules:
-        columns = {**COLUMNS, **DISTRIBUTION}
         numbers = {name: column.measure(runs[rule], reference) for name, column in columns.items()}
         tied = rule in ranked and (rule == best or is_tied(runs[best], runs[rule]))
         mark = marks[rule] + "†" * (rule in failed)

@@ -114,9 +114,12 @@ def _read_names(module: str, name: str, modules: list[str], of_user: bool) -> tu
         for part in (*BELOW, *APART)
         if any(f"{module}.".startswith(f"{part}.") for module in whole)
     }
-    # a user's file may import any
-    packages |= {*BELOW, *APART} if of_user else {*APART} if files else set()
-    packages |= set() if of_project else {STUDIES}
+    if files or of_user:
+        packages.update(APART)
+    if of_user:  # a user's file may import any
+        packages.update(BELOW)
+    if not of_project:
+        packages.add(STUDIES)
     parts = [seen[name] for name in sorted(seen)]
     return _hash_text("\n".join([*parts, *map(_hash_package, sorted(packages))])), files
 
