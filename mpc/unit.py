@@ -148,8 +148,11 @@ def pose_problem(unit, axles, m, run):
     b.pair_slip = max(m.slip[i], LEAST_SLIP, m.noise)
     b.elasticity = clip(m.elasticity, m.least, 1.0)
     b.air, b.acceleration, b.lag = unit.air, m.acceleration, unit.lag
-    # changes have a price, but not those of the target: behind a rising one the unit would look as if it held back
-    b.before = m.torques[0] * scale + unit.torque_target - b.target
+    b.before = m.torques[0] * scale
+    if (
+        b.before >= LIMITING * b.target
+    ):  # to follow has no price: it would look as if the unit held back
+        b.before += unit.torque_target - b.target
     b.target, b.upper, b.share = unit.torque_target, upper, 1.0
     b.slip, b.torque, numbers = m.reading[i], m.torque, line_dynamics(b, run.period)
     for k in range(m.late):  # the plan begins when computing ends

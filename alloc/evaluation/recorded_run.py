@@ -107,31 +107,37 @@ class RecordedRun:
         number, first = np.unique(self.part, return_index=True)
         return first[number >= 0]
 
-    def risen(self, ceiling: float, lag: Floats, dead: Floats | float = 0.0) -> Floats:
-        """The plan within the jerk limit, as a coefficient, behind dead times and lags [s] of parts, (time, part).
+    def risen(
+        self, plan: Floats, ceiling: float, lag: Floats, dead: Floats | float = 0.0
+    ) -> Floats:
+        """`plan` (time,) within the jerk limit, as a coefficient, behind dead times and lags [s] of parts, (time, part).
 
-        It ends at `ceiling` of the plan.
+        It ends at `ceiling` of the plan. A stretch of a run begins as it is asked for then.
         """
         step, rise = self.period, float(self.attrs["rise_time"])
         # commands are held for a period, so their mean is half of it ahead of a straight rise
         lead = 0.5 * float(self.attrs["control_period"])
         level = np.empty((self.demand.size, lag.size))
         dead = np.broadcast_to(dead, lag.shape)
-        plan = self.planned * self.way
-        build_up(plan, step, lead, rise, ceiling, lag, dead, level)
+        begun = float(self["time"][0]) > 0.0
+        build_up(plan * self.way, begun, step, lead, rise, ceiling, lag, dead, level)
         return level
 
     @cached_property
     def built_up(self) -> Floats:
         """What each part gives of the plan on rail that carries everything, as a coefficient, (time, part).
 
-        A unit has its motors, and under blended brakes air where they give less.
+        A unit has its motors, and under blended brakes air where they give less; where motors fail later, or the line comes
+        to take less, that is there at once.
         """
         units, first = self.axles.size, self.first_axles
-        level = self.risen(1.0, self["unit_lag"])
+        level = self.risen(self.planned, 1.0, self["unit_lag"])
         if not self.air.any():
             return level
-        air = self.risen(1.0, *(self[f"axle_{name}_time"][first] for name in ("fill", "dead")))
+        braked = np.where(self.air, self.planned, 0.0)
+        air = self.risen(
+            braked, 1.0, *(self[f"axle_{name}_time"][first] for name in ("fill", "dead"))
+        )
         electric = self.limits / np.maximum(self["unit_static_load"], 1.0)
         both = np.where(self.air[:, None], np.minimum(level, electric + air[:, :units]), level)
         return np.append(both, air[:, units:], axis=1)
@@ -182,7 +188,7 @@ class RecordedRun:
         pulls, units = self.demand, self.axles.size
         air, carried = self.air[pulls], self.sums.carried.compress(pulls, axis=0)
         delivered, braked = self.sums.delivered.compress(pulls, axis=1)
-        wanted = self.risen(1.0, np.zeros(1)).compress(pulls, axis=0)[:, 0]
+        wanted = self.risen(self.planned, 1.0, np.zeros(1)).compress(pulls, axis=0)[:, 0]
         built, most = self.built_up.compress(pulls, axis=0), carried[:, :units]
         parallel = self["unit_parallel"] > 0
         if parallel.any():
@@ -190,7 +196,10 @@ class RecordedRun:
             available = np.maximum(limit, np.abs(self["rail_force"]))[pulls]
             most = np.where(parallel, available @ self.of_unit, most)
         load = self["unit_static_load"]
-        part, free = built[:, :units] * load, self.risen(math.inf, self["unit_lag"]) * load
+        part, free = (
+            built[:, :units] * load,
+            self.risen(self.planned, math.inf, self["unit_lag"]) * load,
+        )
         most = np.minimum(most, self.motors.compress(pulls, axis=0))
         most = np.minimum(most, free.compress(pulls, axis=0))
         plan, reach, bound = wanted * load.sum(), sum_columns(part), sum_columns(most)
@@ -282,27 +291,33 @@ def sum_axles(
 
 
 @jit
-def build_up(plan, step, lead, rise, ceiling, lag, dead, level):
+def build_up(plan, begun, step, lead, rise, ceiling, lag, dead, level):
     """What parts have risen to, into `level` (time, part): `plan` (time,), negative braking, every `step` [s], within its
-    jerk limit, up to `ceiling` of it, behind `dead` times and `lag` [s].
+    jerk limit, up to `ceiling` of it, behind `dead` times and `lag` [s]. `begun`: it has risen before the first instant.
 
     It rises by itself in the time `rise`, `lead` [s] ahead of the first instant. The recursion is exact where it is linear
-    from instant to instant.
+    from instant to instant. What a part still gives of the other direction is none of this.
     """
     risen, value = np.empty(plan.size), 0.0
     for k in range(plan.size):
-        begins = k == 0 or plan[k] * plan[k - 1] <= 0.0
-        value = lead / rise * abs(plan[k]) if begins else value + step / rise * abs(plan[k])
-        risen[k] = value = min(value, ceiling * abs(plan[k])) if plan[k] != 0.0 else 0.0
+        if k == 0 and begun:
+            value = abs(plan[k])
+        elif k == 0 or plan[k] * plan[k - 1] <= 0.0:
+            value = lead / rise * abs(plan[k])
+        else:
+            value += step / rise * abs(plan[k])
+        value = min(value, ceiling * abs(plan[k])) if plan[k] != 0.0 else 0.0
+        risen[k] = math.copysign(value, plan[k])
+    first = risen[0] if begun else 0.0
     for j in range(lag.size):
-        keep, mean, late, last, value = 0.0, 0.0, round(dead[j] / step), 0.0, 0.0
+        keep, mean, late, last, value = 0.0, 0.0, round(dead[j] / step), first, first
         if lag[j] > 0.0:
             keep = math.exp(-step / lag[j])
             mean = (1.0 - keep) * lag[j] / step
         for k in range(plan.size):
-            now = risen[k - late] if k >= late else 0.0
+            now = risen[k - late] if k >= late else first
             value = keep * value + (mean - keep) * last + (1.0 - mean) * now
-            level[k, j], last = value, now
+            level[k, j], last = max(math.copysign(1.0, plan[k]) * value, 0.0), now
 
 
 def sum_columns(values: Floats) -> Floats:

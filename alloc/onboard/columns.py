@@ -41,8 +41,9 @@ AXLE = Table(
     # as sensed
     reading=Column(0.0, "m s-1", "rim speed as read"),
     ahead=Column(0.0, "m s-1", "how far it runs ahead of the reference speed, mean of the last tenth of a second"),
-    acting=Column(0.0, ONE, "force of its motor and its shoes at the rim over its load"),
-    free=Column(0.0, "s", "time for which hardly any acts on it, and it does not return from slip"),
+    pull=Column(0.0, ONE, "force of its motor at the rim over its load, without sign"),
+    shoe=Column(0.0, ONE, "force of its shoes at the rim over its load"),
+    free=Column(0.0, "s", "time for which hardly any force acts on it, and it does not return from slip"),
     slide=Column(0.0, "m s-1", "its slide behind the filter of the slide protection"),
 )
 
@@ -105,6 +106,7 @@ UNIT = Table(
     eased=Column(1.0, ONE, "share of it that is applied, less than 1 to let its wheels roll", True),
     applied=Column(0.0, "N m", "torque command to each motor, positive driving"),
     returns=Column(0, ONE, "whether one of its axles returns from slip"),
+    clasped=Column(0, ONE, "whether shoes act on one of its axles"),
     foreseen=Column(0.0, "N m", "torque that its motors give if the line takes it"),
     taken=Column(INF, "N m", "braking torque that the line turns out to take"),
     kept=Column(1.0, ONE, "share of its part that the air brake keeps"),
@@ -191,7 +193,8 @@ RUN = Table(
     p_vd=Column(0.0, "m2 s-3", "covariance of speed and unknown force"),
     p_dd=Column(0.01, "m2 s-4", "variance of the unknown force"),
     eased=Column(0, ONE, "unit that was eased last, to let its wheels roll"),
-    easing=Column(1e3, "s", "time since that began"),
+    easing=Column(1e3, "s", "time since that began, and its air had gone"),
+    emptying=Column(0.0, "s", "time for which its air has been waited for"),
     verge=Column(NEVER, "s", "last instant at which readhesion control or slide protection held back an axle"),
     gained=Column(0.0, "m s-2", "acceleration of the reference speed, filtered"),
     before=Column(0.0, "m s-1", "reference speed a period ago"),

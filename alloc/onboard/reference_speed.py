@@ -37,8 +37,8 @@ LIMITING = 0.999
 """Share of its target below which a unit is limited by its readhesion controller in this instant."""
 AFTER = 2.0
 """Time for which axles may creep after the last was held back [s]."""
-FREE, ROLLS = 0.1, 0.2
-"""Share of the plan's force up to which an axle is free of force; time after which it rolls then [s]."""
+FREE, LEAST_PLAN, ROLLS = 0.1, 0.01, 0.2
+"""Share of the plan, or of the least plan [1], up to which an axle is free of force; time after which it rolls then [s]."""
 NEAR, FAR = 0.05, 1.0
 """How far a sure axle may run ahead of the one that is least ahead; and, beside four deviations, of the reference speed, for
 without force too wheels stay in a deep slide for long [m/s]."""
@@ -52,12 +52,12 @@ def ease_units(units, onboard, run):
     """
     if units.size == 0:
         return
+    last = units[run.eased]
+    if last.eased < 1.0 and last.clasped and run.emptying < EMPTIED:
+        run.emptying += run.period
+        return
     run.easing += run.period
-    last, most = units[run.eased], FREE * run.plan
-    held = last.air > most * last.load and run.easing < EMPTIED
-    if last.eased < 1.0 and (
-        held or run.easing < SHORTEST or (last.returns and run.easing < LONGEST)
-    ):
+    if last.eased < 1.0 and (run.easing < SHORTEST or (last.returns and run.easing < LONGEST)):
         return
     last.eased = 1.0
     doubt = run.reference_deviation / onboard.doubt
@@ -66,9 +66,18 @@ def ease_units(units, onboard, run):
     for n in range(1, units.size + 1):
         j = (run.eased + n) % units.size
         u = units[j]
-        if u.seen > 0 and u.works and (doubt > GREAT or u.air <= most * u.load):
-            run.eased, run.easing, u.eased = j, 0.0, EASED
+        if u.seen > 0 and u.works and (doubt > GREAT or not u.clasped):
+            run.eased, run.easing, run.emptying, u.eased = j, 0.0, 0.0, EASED
             return
+
+
+@jit
+def turn_round(axles, units):
+    """The demand has turned round: what ran ahead runs behind, and torque rises anew."""
+    for a in axles:
+        a.ahead = -a.ahead
+    for u in units:
+        u.pattern = 0.0
 
 
 @jit
@@ -77,12 +86,13 @@ def weigh_axles(axles, units, brakes, run):
 
     Returns it of the axle that is least ahead of all, and of the one that measures the speed; and whether that is sure.
     """
-    h, most, least, eased, free = run.period, FREE * run.plan, math.inf, math.inf, math.inf
+    h, least, eased, free = run.period, math.inf, math.inf, math.inf
+    most = FREE * max(run.plan, LEAST_PLAN)
     for b in brakes:
         if b.valve != 0.0 and run.braking:
             run.verge = run.time
     for u in units:
-        u.returns = 0
+        u.returns = u.clasped = 0
         if u.torque_command < LIMITING * u.torque_target:
             run.verge = run.time
     for a in axles:
@@ -91,15 +101,20 @@ def weigh_axles(axles, units, brakes, run):
         ahead = run.sign * (a.reading - run.reference_speed)
         a.ahead += h / MEAN_TIME * (ahead - a.ahead)
         returns = a.ahead - ahead > RETURNING * MEAN_TIME
-        least = min(least, a.ahead)
-        a.free = a.free + h if a.acting <= most and not returns else 0.0
+        if (
+            ahead - a.ahead <= RETURNING * MEAN_TIME
+        ):  # else it returns from slip of the other direction, or runs away
+            least = min(least, a.ahead)
+        a.free = a.free + h if a.pull + a.shoe <= most and not returns else 0.0
         if a.free > ROLLS:
             free = min(free, a.ahead)
         if a.unit >= 0:
             u = units[a.unit]
+            if a.shoe > most:
+                u.clasped = 1
             if returns:
                 u.returns = 1
-            elif u.eased < 1.0 and run.easing > 0.5 * SHORTEST and u.air <= most * u.load:
+            elif u.eased < 1.0 and run.easing > 0.5 * SHORTEST and a.shoe <= most:
                 eased = min(eased, a.ahead)
     sure = min(eased, free)
     if sure < least + NEAR and abs(sure) < FAR + 4.0 * run.reference_deviation:

@@ -69,14 +69,14 @@ def sense_axles(axles, units, run):
     for a in axles:
         before = a.reading
         a.reading = a.signal if a.seen else run.reference_speed
-        a.acting = 0.0
+        a.pull = a.shoe = 0.0
         if run.time > 0.0:
             force -= a.inertia / a.radius**2 * (a.reading - before) / run.period
         if a.unit >= 0:
             u = units[a.unit]
             pull = a.gear * (run.sign * u.motor_torque) / a.radius
             force += pull
-            a.acting = abs(pull) / u.load
+            a.pull = abs(pull) / u.load
             u.seen += a.seen
             u.rim += a.reading if a.seen else 0.0
             if a.seen != a.was_seen:  # the mean speed jumps, which is no acceleration
@@ -97,7 +97,7 @@ def read_shoes(axles, units, brakes, onboard, run):
         b = brakes[a.brake]
         shoe = b.gain * b.pressure * shoe_friction(b, a.reading)
         total += shoe
-        a.acting += shoe / b.load
+        a.shoe = shoe / b.load
         if a.unit >= 0 and run.braking and not onboard.air_commanded:
             u = units[a.unit]
             u.air += shoe / u.axles

@@ -16,7 +16,7 @@ from numba import boolean, int64, typeof, void
 
 from alloc.compilation import compile_once, jit_inline, jit_threaded
 from alloc.onboard.controllers import CONTROLLERS, Controller
-from alloc.onboard.reference_speed import ease_units
+from alloc.onboard.reference_speed import ease_units, turn_round
 from alloc.onboard.sensing import report_units, sense_train
 from alloc.onboard.signatures import BELIEF_TYPE, CONTROL_TYPE, SHARE_TYPE
 from alloc.onboard.slide_protection import protect_wheels
@@ -176,7 +176,9 @@ def read_inputs(
     if wanted < 0.0 and run.reference_speed < onboard.release_speed:
         wanted = 0.0  # the driver releases the brakes, so that a stop ends rolling
     run.driver_command = wanted
-    run.sign = 1.0 if wanted >= 0.0 else -1.0
+    before, run.sign = run.sign, 1.0 if wanted >= 0.0 else -1.0
+    if run.sign != before and k > 0:
+        turn_round(axles, units)
     run.braking = 1 if onboard.blended and wanted < 0.0 else 0
     if units.size > 0:
         run.leader = leader[k]
