@@ -222,11 +222,11 @@ def test_the_filter_finds_speed_and_the_force_that_nothing_explains(sign):
     for k in range(6000):
         true = 20.0 + sign * 0.3 * (k + 1) * H
         force = sign * 0.3e5 + 1000.0 + 2.0 * true**2 - 0.04e5  # 0.04 m/s2 more than is known of
-        estimate(run, onboard, force, true, acting=0.1)
+        estimate(run, onboard, force, true, pull=0.1)
     assert (run.reference_speed, run.unknown) == pytest.approx((true, 0.04), abs=2e-3)
     known = run.reference_deviation
     for _ in range(300):  # all slip: the balance carries the speed on, and it is known ever less
-        estimate(run, onboard, force, run.reference_speed + sign * 5.0, acting=0.1)
+        estimate(run, onboard, force, run.reference_speed + sign * 5.0, pull=0.1)
     assert run.reference_speed == pytest.approx(true + sign * 0.9, abs=0.02)
     assert run.reference_deviation == math.sqrt(run.p_vv) > 1.2 * known
 
@@ -264,26 +264,52 @@ def test_what_an_axle_teaches_of_the_speed(sign, held, acting, ahead, learns):
             units.torque_command[0], brakes.valve[0] = (100.0, 1.0) if j else (50.0, 0.0)
         run.verge = 9.0 - age if held and not j else -1e9
         onboard = ONBOARD.rows(1, train_mass=1e5)[0]
-        estimate(run, onboard, 0.0, 20.0 + sign * ahead, units, brakes, acting=acting, free=1.0)
+        estimate(run, onboard, 0.0, 20.0 + sign * ahead, units, brakes, pull=acting, free=1.0)
         moved = sign * (run.reference_speed - 20.0)
         assert (moved != 0.0) == (learns or (age > 2.0 and abs(ahead) < 1.0)), (j, age)
         assert moved * ahead >= 0.0
 
 
-@pytest.mark.parametrize("air", [0.0, 0.05])
-def test_a_unit_is_eased_in_doubt_one_that_brakes_by_air_in_great_doubt(air):
-    onboard = ONBOARD.rows(1)[0]
-    units = UNIT.rows(2, load=1e5, air=air * 1e5)
+@pytest.mark.parametrize("shoe", [0.0, 0.05])
+def test_a_unit_is_eased_in_doubt_one_that_brakes_by_air_in_great_doubt(shoe):
+    onboard, units = ONBOARD.rows(1)[0], UNIT.rows(2)
+    axles = AXLE.rows(2, unit=[0, 1], shoe=shoe, reading=20.0)
     for deviation in (0.5, 1.5, 2.5):
-        run = RUN.rows(1, plan=0.1, braking=1, reference_deviation=deviation * onboard.doubt)[0]
+        run = RUN.rows(1, plan=0.1, braking=1, reference_speed=20.0)[0]
+        run.reference_deviation = deviation * onboard.doubt
         units.eased = 1.0
+        speed.weigh_axles(axles, units, BRAKE.rows(0), run)
         speed.ease_units(units, onboard, run)
-        assert (units.eased.min() < 1.0) == (deviation > (1.0 if air == 0.0 else 2.0))
-    spent = 0.0
-    while units.eased.min() < 1.0:  # air that does not escape is waited for no longer than is said
-        run.reference_deviation, spent = 0.0, spent + H
+        assert (units.eased.min() < 1.0) == (deviation > (1.0 if shoe == 0.0 else 2.0))
+
+
+@looped("gone", (0.0, 0.6, 9.0))
+def test_a_unit_is_measured_from_when_its_air_has_gone_or_not_at_all(gone):
+    """`gone`: when, in seconds. The wait has an end, and wheels that roll are sure for the time of an easing."""
+    onboard, units = ONBOARD.rows(1)[0], UNIT.rows(1, eased=0.4)
+    run = RUN.rows(1, plan=0.1, braking=1, reference_speed=20.0, easing=0.0)[0]
+    axles, sure, k = AXLE.rows(1, unit=0, reading=20.0, pull=0.04), 0, 0
+    while units.eased[0] < 1.0:
+        axles.shoe, k = (0.05 if k * H < gone else 0.0), k + 1
+        sure += speed.weigh_axles(axles, units, BRAKE.rows(0), run)[2]
         speed.ease_units(units, onboard, run)
-    assert spent == pytest.approx(speed.SHORTEST if air == 0.0 else speed.EMPTIED, abs=1.5 * H)
+    wait = min(gone, speed.EMPTIED)
+    assert k * H == pytest.approx(wait + speed.SHORTEST, abs=3.0 * H)
+    assert (sure > 0.4 * speed.SHORTEST / H) == (gone < speed.EMPTIED)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wheel_that_returns_from_slip_of_the_other_direction_is_not_behind_the_train(sign):
+    run = RUN.rows(1, reference_speed=20.0, sign=sign, plan=0.1, time=5.0)[0]
+    axles, units = AXLE.rows(2, reading=20.0, pull=0.1, unit=0), UNIT.rows(1)
+    axles.ahead = [0.0, 3.0]  # the second ran ahead while the train was asked for the other
+    speed.turn_round(axles, units, run)
+    onboard = ONBOARD.rows(1, train_mass=1e5)[0]
+    for k in range(60):
+        run.time = 5.0 + k * H
+        axles.reading[1] = 20.0 - sign * max(3.0 - 6.0 * k * H, 0.0)
+        speed.estimate_speed(axles, units, BRAKE.rows(0), onboard, 0.0, run)
+        assert run.reference_speed == pytest.approx(20.0, abs=0.15), k
 
 
 def test_in_a_stop_whose_wheels_all_creep_the_speed_stays_known():

@@ -303,3 +303,18 @@ def test_a_part_that_fails_is_named():
         simulate(event(), rule)
     with pytest.raises(InputError, match="unknown rule 'gredy'; did you mean 'greedy'"):
         simulate(event(), "gredy")
+
+
+def test_the_bound_of_a_stretch_and_of_a_reversed_demand():
+    """A stretch begins as it is asked for then; behind a pull brakes build up from nothing, and nobody exceeds that."""
+    dry = {"level": 0.5, "patches": ()}
+    run = simulate(event(command=PULL, duration=8.0, **dry), "alone", "none")
+    part = evaluate(run.isel(time=slice(300, 700)))
+    assert (part["bound_use"], part["over_delivery"]) == pytest.approx((1.0, 0.0), abs=2e-3)
+    reversed_at = DriverCommand((0.0, 4.0), (0.8, -0.8))
+    run = simulate(event(command=reversed_at, duration=8.0, **dry), "alone", "none")
+    level = RecordedRun(run).built_up
+    switch = int(np.argmax(run.driver_command.values < 0.0))
+    assert level[switch - 1].max() > 0.9 * float(run.planned_coefficient[switch - 1])
+    assert level[switch].max() < 0.05 * float(run.planned_coefficient[switch])
+    assert evaluate(run)["over_delivery"] < 0.01

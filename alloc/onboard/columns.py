@@ -195,6 +195,7 @@ RUN = Table(
     eased=Column(0, ONE, "unit that was eased last, to let its wheels roll"),
     easing=Column(1e3, "s", "time since that began, and its air had gone"),
     emptying=Column(0.0, "s", "time for which its air has been waited for"),
+    turned=Column(NEVER, "s", "last instant at which the demand has turned round"),
     verge=Column(NEVER, "s", "last instant at which readhesion control or slide protection held back an axle"),
     gained=Column(0.0, "m s-2", "acceleration of the reference speed, filtered"),
     before=Column(0.0, "m s-1", "reference speed a period ago"),

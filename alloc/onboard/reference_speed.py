@@ -72,8 +72,9 @@ def ease_units(units, onboard, run):
 
 
 @jit
-def turn_round(axles, units):
-    """The demand has turned round: what ran ahead runs behind, and torque rises anew."""
+def turn_round(axles, units, run):
+    """The demand has turned round: what ran ahead runs behind, until it has returned, and torque rises anew."""
+    run.turned = run.time
     for a in axles:
         a.ahead = -a.ahead
     for u in units:
@@ -116,6 +117,8 @@ def weigh_axles(axles, units, brakes, run):
                 u.returns = 1
             elif u.eased < 1.0 and run.easing > 0.5 * SHORTEST and a.shoe <= most:
                 eased = min(eased, a.ahead)
+    if run.time < run.turned + 2.0 * MEAN_TIME:  # which wheels return is not known yet
+        return math.inf, math.inf, False
     sure = min(eased, free)
     if sure < least + NEAR and abs(sure) < FAR + 4.0 * run.reference_deviation:
         return least, sure, True

@@ -178,7 +178,7 @@ def read_inputs(
     run.driver_command = wanted
     before, run.sign = run.sign, 1.0 if wanted >= 0.0 else -1.0
     if run.sign != before and k > 0:
-        turn_round(axles, units)
+        turn_round(axles, units, run)
     run.braking = 1 if onboard.blended and wanted < 0.0 else 0
     if units.size > 0:
         run.leader = leader[k]
