@@ -149,9 +149,8 @@ def pose_problem(unit, axles, m, run):
     b.elasticity = clip(m.elasticity, m.least, 1.0)
     b.air, b.acceleration, b.lag = unit.air, m.acceleration, unit.lag
     b.before = m.torques[0] * scale
-    if (
-        b.before >= LIMITING * b.target
-    ):  # to follow has no price: it would look as if the unit held back
+    # changes have a price, but not to follow the target: behind a rising one the unit would look as if it held back
+    if b.before >= LIMITING * b.target:
         b.before += unit.torque_target - b.target
     b.target, b.upper, b.share = unit.torque_target, upper, 1.0
     b.slip, b.torque, numbers = m.reading[i], m.torque, line_dynamics(b, run.period)

@@ -196,10 +196,8 @@ class RecordedRun:
             available = np.maximum(limit, np.abs(self["rail_force"]))[pulls]
             most = np.where(parallel, available @ self.of_unit, most)
         load = self["unit_static_load"]
-        part, free = (
-            built[:, :units] * load,
-            self.risen(self.planned, math.inf, self["unit_lag"]) * load,
-        )
+        part = built[:, :units] * load
+        free = self.risen(self.planned, math.inf, self["unit_lag"]) * load
         most = np.minimum(most, self.motors.compress(pulls, axis=0))
         most = np.minimum(most, free.compress(pulls, axis=0))
         plan, reach, bound = wanted * load.sum(), sum_columns(part), sum_columns(most)

@@ -102,9 +102,8 @@ def weigh_axles(axles, units, brakes, run):
         ahead = run.sign * (a.reading - run.reference_speed)
         a.ahead += h / MEAN_TIME * (ahead - a.ahead)
         returns = a.ahead - ahead > RETURNING * MEAN_TIME
-        if (
-            ahead - a.ahead <= RETURNING * MEAN_TIME
-        ):  # else it returns from slip of the other direction, or runs away
+        # one that moves ahead runs away, or returns from slip of the other direction
+        if ahead - a.ahead <= RETURNING * MEAN_TIME:
             least = min(least, a.ahead)
         a.free = a.free + h if a.pull + a.shoe <= most and not returns else 0.0
         if a.free > ROLLS:
