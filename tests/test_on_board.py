@@ -3,6 +3,7 @@
 import inspect
 import math
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from alloc.onboard.columns import AXLE, BRAKE, NEVER, ONBOARD, RUN, SLIDE, UNIT
 from alloc.plant import dynamics
 from alloc.plant.columns import CAR, CYLINDER, DRIVE, PLANT, WHEELSET
 from alloc.run import wire
+from alloc.run.event import DriverCommand
 from alloc.run.simulation import ADVANCE, Simulation, simulate
 from alloc.schema.tables import memory_words
 from studies.files.scenario_files import load_scenario
@@ -317,6 +319,16 @@ def test_in_a_stop_whose_wheels_all_creep_the_speed_stays_known():
     for number in (288, 257):
         run = simulate(population.event(65, number).event(0), "cooperative", "perturb-observe")
         assert float(abs(run.reference_speed - run.car_speed.mean("car")).max()) < 0.3, number
+
+
+@pytest.mark.parametrize("then", [(0.0, -0.8), (0.6, 0.6)])
+def test_brakes_released_while_wheels_slide_leave_the_speed_known(then):
+    """Shoes that still hold a wheel, and one that returns, are no proof that the train is slower."""
+    command = DriverCommand((0.0, 5.0, 7.0), (-0.8, *then))
+    stop = replace(load_scenario("wet-stop").event(1), command=command, duration=12.0)
+    run = simulate(stop, "cooperative", "perturb-observe")
+    assert float(abs(run.slip_velocity.sel(time=5.0, method="nearest")).max()) > 1.0
+    assert float(abs(run.reference_speed - run.car_speed.mean("car")).max()) < 0.2
 
 
 @pytest.mark.parametrize("level", [0.08, 0.5])

@@ -102,19 +102,22 @@ def weigh_axles(axles, units, brakes, run):
         ahead = run.sign * (a.reading - run.reference_speed)
         a.ahead += h / MEAN_TIME * (ahead - a.ahead)
         returns = a.ahead - ahead > RETURNING * MEAN_TIME
-        # one that moves ahead runs away, or returns from slip of the other direction
-        if ahead - a.ahead <= RETURNING * MEAN_TIME:
+        # it runs away, or returns from slip of the other direction
+        leaves = ahead - a.ahead > RETURNING * MEAN_TIME
+        clasped = a.shoe > most
+        if not leaves and not (clasped and run.sign > 0.0):  # released brakes still hold a slide
             least = min(least, a.ahead)
-        a.free = a.free + h if a.pull + a.shoe <= most and not returns else 0.0
+        rests = a.pull + a.shoe <= most and not returns and not leaves
+        a.free = a.free + h if rests else 0.0
         if a.free > ROLLS:
             free = min(free, a.ahead)
         if a.unit >= 0:
             u = units[a.unit]
-            if a.shoe > most:
+            if clasped:
                 u.clasped = 1
             if returns:
                 u.returns = 1
-            elif u.eased < 1.0 and run.easing > 0.5 * SHORTEST and a.shoe <= most:
+            elif u.eased < 1.0 and run.easing > 0.5 * SHORTEST and not clasped:
                 eased = min(eased, a.ahead)
     if run.time < run.turned + 2.0 * MEAN_TIME:  # which wheels return is not known yet
         return math.inf, math.inf, False
