@@ -50,6 +50,8 @@ def plan_torques(m, b, period):
         answer, answer_torque = advance_slip(answer, answer_torque, command, 0.0, numbers)
         m.free[k], m.answer[k] = slip / SLIP, answer / SLIP
     upper, cost = b.upper / scale, evaluate_cost(m, b, m.torques, scale)
+    if not (cost < math.inf and upper >= 0.0):
+        return False
     for _ in range(20):
         steepest = 0.0
         for k in range(n):
@@ -96,7 +98,7 @@ def evaluate_cost(m, b, u, scale):
             m.slope[k - 1] -= m.change_weight * change
             m.hessian[k - 1, k - 1] += m.change_weight
             m.hessian[k, k - 1] -= m.change_weight
-        if over > 0.0:
+        if not over <= 0.0:  # what is no number must reach the cost
             total += m.slip_weight * over * over
             for i in range(k + 1):
                 m.slope[i] += m.slip_weight * m.answer[k - i] * over

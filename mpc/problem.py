@@ -22,8 +22,7 @@ changes of torque (ride, wear of drives), of slip (wheel damage, instability), o
 CasADi is imported where a solver is built: it takes longer to import than a run takes.
 """
 
-import io
-from contextlib import redirect_stderr
+import threading
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import SimpleNamespace
@@ -174,26 +173,59 @@ def solve(problem: Problem, solver: str = "daqp") -> Plan:
     Raises `InputError` for an unknown solver, and for a rational curve, which makes no QP, with one of QPs.
     """
     m, n, couplers = problem.units.size, problem.horizon, len(problem.couplers)
-    if solver not in SOLVERS or (problem.curve == "rational" and solver != "ipopt"):
-        names = "ipopt" if problem.curve == "rational" else ", ".join(SOLVERS)
+    able = [name for name in SOLVERS if problem.curve == "line" or name not in QUADRATIC]
+    if solver not in able:
+        names = ", ".join(able)
         raise InputError(f"solver = {solver!r} for curve {problem.curve!r}: give one of {names}")
-    u, w, rows = problem.units, problem.weights, problem.rows.T
+    u, w = problem.units, problem.weights
     # else torques or slips may be exchanged at no cost
-    convex = min(u.share) > 0.0 and w.slip > 0.0 and (m == 1 or w.change + w.even > 0.0)
+    convex = min(u.share) > 0.0 and (m == 1 or w.change + w.even > 0.0)
     # to build takes a hundred times as long as to solve
     function = build_solver(m, n, problem.curve, couplers, solver, convex)
-    rows[LIMIT] = np.minimum(rows[LIMIT], MOST_SLIP)
-    numbers = [problem.period, *problem.weights]
-    # of a solver that fails CasADi would print all arguments
-    with signals_afterwards(), redirect_stderr(io.StringIO()):
+    with signals_afterwards():
         try:
-            results = [np.asarray(part) for part in function(rows, numbers, problem.couplers)]
-        except RuntimeError:  # CasADi's answer to a solver that fails
-            results = [np.full((m, n), np.nan)] * 2 + [np.full(1, np.nan)] * 2
-    torque, slip, cost, residual = results
+            results = function(problem.rows.T, [problem.period, *w], problem.couplers)
+        except RuntimeError:  # CasADi's answer to bounds that exclude each other
+            results = [np.full((m, n), np.nan)] * 2 + [np.nan] * 2
+    torque, slip, cost, residual = map(np.asarray, results)
     if not (np.isfinite(torque).all() and np.isfinite(slip).all() and residual <= TOLERANCE):
         return Plan(np.full((m, n), np.nan), np.full((m, n), np.nan), np.nan, False)
     return Plan(torque * torque_scale(u)[:, None], slip * SLIP, float(cost.item()), True)
+
+
+def plan_row(row: Floats, torques: Floats, period: float, change: float, slip: float) -> bool:
+    """Put the torques over their scale that solve one unit's problem into `torques` (n,); whether they do.
+
+    What `solve` finds for a line by DAQP, without its checks: `row` is one of `BELIEVED` as numbers, `change` and `slip` are
+    `Weights`. Numbers pass through kept arrays: to make CasADi's own takes longer than to solve.
+    """
+    solver = keep_solver(torques.size, threading.get_ident())
+    solver.row[:], solver.numbers[:3] = row, (period, change, slip)
+    solver.solve()
+    # a solver that fails leaves zeros or what is no number, and CasADi's greatest of numbers overlooks what is none
+    numbers = np.isfinite(solver.torques).all() and not np.isnan(row).any()
+    solved = bool(numbers and solver.residual[0] <= TOLERANCE)
+    if solved:
+        torques[:] = solver.torques
+    return solved
+
+
+@lru_cache(maxsize=16)
+def keep_solver(n: int, thread: int) -> Any:
+    """The solver of one unit for a `thread`, with the arrays that it reads and writes."""
+    buffer, solve = build_solver(1, n, "line", 0, "daqp").buffer()
+    arrays = {
+        "row": np.zeros(len(BELIEVED.columns)),
+        "numbers": np.zeros(1 + len(Weights._fields)),
+        "torques": np.zeros(n),
+        "residual": np.zeros(1),
+    }
+    for place, name in enumerate(("row", "numbers")):
+        buffer.set_arg(place, arrays[name].data)
+    for place, name in ((0, "torques"), (3, "residual")):
+        buffer.set_res(place, arrays[name].data)
+    # the call does not keep the buffer alive
+    return SimpleNamespace(buffer=buffer, solve=solve, **arrays)
 
 
 def torque_scale(units: Any) -> Any:
@@ -262,18 +294,61 @@ def name_columns(rows: Any) -> Any:
 # The problem
 
 
-SOLVERS: dict[str, dict[str, Any]] = {
+QUADRATIC: dict[str, dict[str, Any]] = {
     "daqp": {},
     "osqp": {"osqp": {"verbose": False, "eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000}},
-    "ipopt": {"ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-10}},
 }
-"""CasADi's names of solvers, and their options. DAQP: active set, exact; OSQP: ADMM; ipopt: interior points, any curve."""
+"""CasADi's names of solvers of QPs, and their options. DAQP: active set, exact; OSQP: ADMM."""
+SOLVERS = QUADRATIC | {
+    "ipopt": {"ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-10}},
+    "sqpmethod": {
+        "qpsol": "daqp",
+        "qpsol_options": {"print_time": False, "error_on_fail": False, "daqp": {"eps_prox": 1e-5}},
+        "convexify_strategy": "eigen-reflect",
+        "print_header": False, "print_iteration": False, "print_status": False,
+    },
+}  # fmt: skip
+"""With those of any curve. ipopt: interior points; sqpmethod: a series of QPs by DAQP."""
 PROXIMAL = {"daqp": {"daqp": {"eps_prox": 1e-5}}}
 """Options where the cost is not strictly convex: DAQP has no answer without. Where it is, torques would move by 3e-9."""
 TOLERANCE = 1e-5
 """Residual of the conditions of Karush, Kuhn and Tucker that counts as none: of a constraint, over the size of a slope."""
-MOST_SLIP = 1e3
-"""Slip limit [m/s] that stands for none."""
+
+
+def state_problem(m: int, n: int, curve: str, couplers: int) -> SimpleNamespace:
+    """The problem of m units and n steps in symbols; variables are torques over their scale and slips beyond the limit."""
+    import casadi as cs
+
+    p = SimpleNamespace(
+        rows=cs.SX.sym("rows", len(BELIEVED.columns), m),
+        numbers=cs.SX.sym("numbers", 1 + len(Weights._fields)),
+        couplers=cs.SX.sym("couplers", couplers, m if couplers else 0),
+    )
+    u, over = cs.SX.sym("u", m, n), cs.SX.sym("over", m, n)
+    (period, *prices), step = cs.vertsplit(p.numbers), one_step(curve)
+    unit, w = name_columns(p.rows), Weights(*prices)
+    share, scale = unit.share.T, torque_scale(unit).T
+    free = w.slip == 0.0  # slip without a price has no limit, and what it is beyond that any price
+    slip, torque, before, cost, slips = unit.slip, unit.torque, unit.before.T / scale, 0.0, []
+    for k in range(n):
+        command = (u[:, k] * scale).T
+        units = [step(slip[j], torque[j], command[j], period, p.rows[:, j]) for j in range(m)]
+        slip, torque = (cs.horzcat(*parts) for parts in zip(*units, strict=True))
+        slips.append(slip.T / SLIP)
+        short, change = u[:, k] - unit.target.T / scale, u[:, k] - before
+        uneven = u[:, k] - cs.dot(share, u[:, k]) / cs.sum1(share)
+        beyond = cs.if_else(free, 1.0, w.slip) * over[:, k] ** 2
+        cost += cs.dot(share, short) ** 2
+        cost += cs.dot(share, w.change * change**2 + beyond + w.even * uneven**2)
+        if couplers:
+            cost += w.coupler * cs.sumsqr(p.couplers @ (share * u[:, k]))
+        before = u[:, k]
+    p.torques, p.slips, p.cost = u, cs.horzcat(*slips), cost
+    p.x, p.g = cs.veccat(u, over), cs.vec(p.slips - over)
+    limit, infinite = cs.if_else(free, cs.inf, unit.limit.T / SLIP), cs.SX.inf(m * n)
+    p.least = cs.vertcat(cs.SX.zeros(m * n), -infinite, -infinite)
+    p.most = cs.vertcat(cs.repmat(unit.upper.T / scale, n, 1), infinite, cs.repmat(limit, n, 1))
+    return p
 
 
 @lru_cache(maxsize=16)
@@ -281,41 +356,33 @@ def build_solver(
     m: int, n: int, curve: str, couplers: int, solver: str, convex: bool = True
 ) -> Any:
     """Function (rows of `BELIEVED` transposed, [period, weights], couplers) -> torques, slips over their scales, cost,
-    residuals of primal feasibility, stationarity and complementarity."""
+    residual of primal feasibility, stationarity and complementarity.
+
+    CasADi derives what its solver needs from the statement: of a line the matrices of a QP.
+    """
     import casadi as cs
 
-    opti = cs.Opti() if solver == "ipopt" else cs.Opti("conic")
-    u, over = opti.variable(m, n), opti.variable(m, n)
-    rows = opti.parameter(len(BELIEVED.columns), m)
-    numbers = opti.parameter(1 + len(Weights._fields))
-    tension = opti.parameter(couplers, m if couplers else 0)
-    parts: Any = cs.vertsplit(numbers)
-    unit, period, w = name_columns(rows), parts[0], Weights(*parts[1:])
-    share = unit.share.T
-    scale, step = torque_scale(unit).T, one_step(curve).map(m)
-    slip, torque, before, cost, slips = unit.slip, unit.torque, unit.before.T / scale, 0.0, []
-    for k in range(n):
-        slip, torque = step(slip, torque, (u[:, k] * scale).T, period, rows)
-        slips.append(slip.T / SLIP)
-        short, change = u[:, k] - unit.target.T / scale, u[:, k] - before
-        uneven = u[:, k] - cs.dot(share, u[:, k]) / cs.sum1(share)
-        cost += cs.dot(share, short) ** 2
-        cost += cs.dot(share, w.change * change**2 + w.slip * over[:, k] ** 2 + w.even * uneven**2)
-        if couplers:
-            cost += w.coupler * cs.sumsqr(tension @ (share * u[:, k]))
-        opti.subject_to(opti.bounded(0.0, u[:, k], unit.upper.T / scale))
-        opti.subject_to(slips[k] - over[:, k] <= unit.limit.T / SLIP)
-        before = u[:, k]
-    opti.minimize(cost)
-    options = SOLVERS[solver] if convex else PROXIMAL.get(solver, SOLVERS[solver])
-    opti.solver(solver, {"print_time": False, **options})
-    g, dual, slope = opti.g, opti.lam_g, cs.gradient(cost, opti.x)
-    below, above, push = opti.lbg - g, g - opti.ubg, cs.jacobian(g, opti.x).T
-    size = 1.0 + cs.fabs(slope) + cs.fabs(push) @ cs.fabs(dual)
-    # a multiplier above 0 belongs to the upper bound; it or the distance from there is 0
-    slack = cs.fmin(cs.fabs(dual), cs.fabs(cs.if_else(dual > 0.0, above, below)))
-    stationarity = cs.fabs(slope + push @ dual) / size
-    residual = cs.mmax(cs.vertcat(below, above, stationarity, slack / cs.norm_inf(size)))
-    arguments = [opti.x, dual, rows, numbers, tension]
-    judge = cs.Function("judge", arguments, [u, cs.horzcat(*slips), cost, residual]).expand()
-    return opti.to_function("problem", arguments[2:], judge.call(arguments))
+    p = state_problem(m, n, curve, couplers)
+    parameters = [p.rows, p.numbers, p.couplers]
+    options: dict[str, Any] = {"print_time": False, "error_on_fail": False, "inputs_check": False}
+    options |= SOLVERS[solver] if convex else PROXIMAL.get(solver, SOLVERS[solver])
+    program = {"x": p.x, "p": cs.veccat(*parameters), "f": p.cost, "g": p.g}
+    make = cs.qpsol if solver in QUADRATIC else cs.nlpsol
+    optimum = make("optimum", solver, program, options)
+    # the conditions of optimality, by the multipliers of all that is bounded
+    bounded, dual = cs.vertcat(p.x, p.g), cs.SX.sym("dual", 3 * m * n)
+    slope, push = cs.gradient(p.cost, p.x), cs.jtimes(bounded, p.x, dual, True)
+    size = 1.0 + cs.fabs(slope) + cs.fabs(push)
+    # what stays is within its bounds, and no multiplier belongs to a bound that is not reached
+    moved = cs.fmin(cs.fmax(bounded + dual / cs.norm_inf(size), p.least), p.most)
+    residual = cs.norm_inf(cs.vertcat((slope + push) / size, bounded - moved))
+    results = [p.torques, p.slips, p.cost, residual]
+    judge = cs.Function("judge", [p.x, dual, *parameters], results, {"cse": True})
+    bounds = cs.Function("bounds", parameters, [p.least, p.most])
+    values: Any = [cs.MX.sym("values", part.shape) for part in parameters]
+    (least, most), split = bounds(*values), 2 * m * n
+    bounds_of_x: Any = {"lbx": least[:split], "ubx": most[:split]}
+    bounds_of_g: Any = {"lbg": least[split:], "ubg": most[split:]}
+    solution: Any = optimum(p=cs.veccat(*values), **bounds_of_x, **bounds_of_g)
+    duals = cs.vertcat(solution["lam_x"], solution["lam_g"])
+    return cs.Function("problem", values, judge.call([solution["x"], duals, *values]))

@@ -1,13 +1,14 @@
 """The readhesion MPC of one traction unit: it holds the best slip that the rail offers, and finds it without a known curve.
 
 A control period: readings become a belief (`mpc.belief.observe_axles`), the slip sought moves (`seek_slip`), the problem of
-the period is posed (`pose_problem`) and solved (`mpc.plan.plan_torques`, the fast twin of `mpc.problem.solve`), its first
-torque is commanded (`command_torque`). Registered as "mpc"; "mpc-opti" is the same with CasADi's solver, for reading and
-comparing.
+the period is posed (`pose_problem`) and solved, its first torque is commanded (`command_torque`). CasADi solves it in
+"mpc-casadi" (`mpc.problem.plan_row`), its compiled twin in "mpc" (`mpc.plan.plan_torques`); both command the same.
 """
 
 import math
 from typing import Any
+
+from numba import objmode
 
 from alloc.compilation import jit
 from alloc.onboard.columns import NAN, ONE
@@ -16,10 +17,11 @@ from alloc.onboard.controllers.creep import clip
 from alloc.onboard.controllers.plain import cut_and_ramp
 from alloc.onboard.reference_speed import LIMITING
 from alloc.onboard.signatures import control
+from alloc.run.serving import CONTROLS, call_python
 from alloc.schema.tables import Column, Table
 from mpc.belief import AXLES, LEAST_SLIP, observe_axles, seek_slip
 from mpc.plan import advance_slip, line_dynamics, plan_torques, torque_scale
-from mpc.problem import BELIEVED, Problem, Weights, solve
+from mpc.problem import BELIEVED, plan_row
 
 STEPS, LATEST = 30, 10
 """Room for the longest horizon, and for the longest delay of computing, in control periods."""
@@ -106,17 +108,17 @@ def mpc(unit, axles, memory, run):
     command_torque(unit, axles, m, solved, run)
 
 
-def mpc_opti(unit, axles, memory, run):
-    """A control period; CasADi's DAQP solves `mpc.problem` in the place of its fast twin."""
+@control
+def mpc_casadi(unit, axles, memory, run):
+    """A control period; CasADi's DAQP solves `mpc.problem` in the place of its compiled twin."""
     m = memory.view(ROW)[0]
-    solved, n = pose_problem(unit, axles, m, run), int(m.horizon)
+    solved = pose_problem(unit, axles, m, run)
     if solved:
-        rows = BELIEVED.rows_in(m.problem)
-        weights = Weights(float(m.change_weight), float(m.slip_weight))
-        solution = solve(Problem(rows, float(run.period), n, weights=weights))
-        solved = solution.solved
-        if solved:
-            m.torques[:n] = solution.torques[0] / torque_scale(rows[0])
+        row, torques, period = m.problem, m.torques[: m.horizon], run.period
+        change, slip = m.change_weight, m.slip_weight
+        # the solve alone is in Python: to box rows takes longer than it
+        with objmode(solved="boolean"):
+            solved = bool(call_python(CONTROLS, plan_row, row, torques, period, change, slip))
     command_torque(unit, axles, m, solved, run)
 
 
@@ -205,9 +207,9 @@ register(
     bounds=BOUNDS,
 )
 register(
-    "mpc-opti",
-    mpc_opti,
-    "the same, solved by CasADi",
+    "mpc-casadi",
+    mpc_casadi,
+    "the same, solved by CasADi's DAQP",
     memory=MPC,
     colour="#d4a0ff",
     marker="*",

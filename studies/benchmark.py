@@ -90,7 +90,7 @@ METRICS_STORED = (
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Each event under every pair, its number the seed of all."""
-    single = [name for name in CONTROLLERS.shipped() if name not in (*UNDER, "mpc-opti")]
+    single = [name for name in CONTROLLERS.shipped() if name not in UNDER]
     pairs = [(rule, controller) for controller, rules in UNDER.items() for rule in rules]
     pairs += [(BASE, controller) for controller in single]
     cells = list[Cell]()

@@ -25,7 +25,7 @@ PRICE = 5.0
 """Points of the bound that a wheel damage e times as large is worth: 22 % more damage count as a point less."""
 FIXED = ("seed", "late")
 """Parameters that are no knobs."""
-LEFT_OUT = ("none", "mpc-opti")
+LEFT_OUT = ("none", "mpc-casadi")
 STEEP = ("polach-dry", "polach-by-friction")
 """Curves that take ten times the steps; tuning does without."""
 

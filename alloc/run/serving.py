@@ -18,6 +18,8 @@ from alloc.run.recording import Recording
 from alloc.run.world import World
 from alloc.schema.errors import blamed_on
 
+BELIEVES, SHARES, CONTROLS = range(3)
+"""The parts of a run."""
 _SERVED = threading.local()
 """Of each thread the `parts` of its run; a part may run an event itself."""
 
@@ -71,12 +73,22 @@ class Parts:
 
 
 def serve(part: int, number: int) -> Any:
-    """Call a part of this thread's run. An error that passed through compiled code would keep the run's memory for good,
-    so the loop is stopped."""
-    parts = _SERVED.parts
+    """Call a part of this thread's run."""
+    return call_python(part, _SERVED.parts.calls[part], number)
+
+
+def call_python(part: int, function: Any, *values: Any) -> Any:
+    """What `function` gives for these `values`, for a compiled `part` of this thread's run; 0 where it raises.
+
+    An error that passed through compiled code would keep the run's memory for good, so the loop is stopped; a signal is
+    handled before the call. Beside a run, as in a test of a controller, errors are raised.
+    """
+    parts = getattr(_SERVED, "parts", None)
+    if parts is None:
+        return function(*values)
     try:
         parts.handle_signals()
-        return parts.calls[part](number)
+        return function(*values)
     except BaseException as error:
         parts.error, parts.run.stopped = (part, error), 1
         return 0.0
@@ -86,7 +98,7 @@ def serve(part: int, number: int) -> Any:
 def served_belief(tick, units, reports, report_tick, run):
     """Stands for a `belief` in plain Python."""
     with objmode(asks="float64"):
-        asks = serve(0, tick)
+        asks = serve(BELIEVES, tick)
     return asks != 0.0
 
 
@@ -94,7 +106,7 @@ def served_belief(tick, units, reports, report_tick, run):
 def served_share(units, run):
     """Stands for a `share` in plain Python."""
     with objmode(level="float64"):
-        level = serve(1, 0)
+        level = serve(SHARES, 0)
     return level  # noqa: RET504 (nothing can be returned from within)
 
 
@@ -103,4 +115,4 @@ def served_control(unit, axles, memory, run):
     """Stands for a `control` in plain Python."""
     j = axles[0].unit
     with objmode():
-        serve(2, j)
+        serve(CONTROLS, j)
