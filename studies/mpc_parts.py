@@ -90,6 +90,7 @@ def exchange_parts() -> dict[str, Controller]:
     """Controllers with parts of "mpc" and of "perturb-observe", by what they are."""
     whole = CONTROLLERS["mpc"]
     return {
+        "solved by CasADi": CONTROLLERS["mpc-casadi"],
         "perturb-observe": CONTROLLERS["perturb-observe"],
         "climbing of perturb-observe above the horizon": replace(
             whole, name="climbs", control=climbing_above_horizon, memory=CLIMBS
