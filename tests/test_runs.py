@@ -24,6 +24,7 @@ from alloc.run.recording import load, save
 from alloc.run.simulation import ADVANCE, COMMAND, PLAN, Simulation, simulate
 from alloc.schema.errors import InputError
 from studies.files.scenario_files import load_scenario
+from studies.population import population
 
 PULL, STOP = DriverCommand((0.0,), (0.8,)), DriverCommand((0.0,), (-1.0,))
 
@@ -62,6 +63,18 @@ def test_the_bound_of_a_start_holds_from_the_first_instant_on_and_on_dry_rail_it
         beyond = np.minimum(bounds.force, bounds.plan) - bounds.bound
         assert (beyond < 5e-3 * bounds.plan.max()).all()
         assert used > (0.998 if level == 0.6 else 0.8)
+
+
+def test_no_controller_gives_the_first_two_seconds_of_a_start_away():
+    """Of what motors and rail allow from the first instant on. The table's rise of 1.8 s is its paper's."""
+    starts = [k for k in range(40) if population.draw(65, k)["case"] == "start"]
+    for name in set(CONTROLLERS.shipped()) - {"none", "table", "mpc-casadi"}:
+        used = []
+        for k in starts:
+            event = replace(population.event(65, k).event(0), duration=2.0)
+            used.append(evaluate(simulate(event, "cooperative", name))["bound_use"])
+        assert np.mean(used) > 0.85
+        assert min(used) > (0.65 if name in ("mpc", "cut-and-ramp") else 0.3)
 
 
 PAIRS = [(rule, "perturb-observe") for rule in RULES] + [
