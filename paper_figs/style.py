@@ -1,13 +1,19 @@
 """What all figures share: a style file, two widths, and what a figure is made of."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
 from studies.runner.study import NARROW, WIDE
 
-__all__ = ["NARROW", "WIDE", "Drawing"]
+__all__ = ["LARGE", "NARROW", "WIDE", "Drawing"]
+
+LARGE: dict[Any, float] = {
+    f"{part}size": 8.5
+    for part in ("font.", "xtick.label", "ytick.label", "axes.label", "axes.title", "legend.font")
+}
+"""Type of a figure of full width that is read on a telephone too."""
 
 
 class Drawing(NamedTuple):
