@@ -158,27 +158,32 @@ def _draw_bars(axes: Axes, each: Floats, colour: str) -> None:
 
 def draw_adhesion_drop() -> Figure:
     """Controllers that wait for a slip, hold a slip, and search for the peak."""
-    drawn = Figure(figsize=(WIDE, 3.0), layout="constrained")
-    panels = drawn.subplot_mosaic("aac\nbbc")
-    force, slip, path = (panels[name] for name in "abc")
+    drawn = Figure(figsize=(WIDE, 3.8), layout="constrained")
+    panels = drawn.subplot_mosaic("aad\nbbd\nccd")
+    force, torque, slip, path = (panels[name] for name in "abcd")
     force.sharex(slip)
+    torque.sharex(slip)
     event, across = load_scenario("falling-adhesion"), np.linspace(0.0, 0.3, 200)
     for name in ("cut-and-ramp", "pi-creep", "perturb-observe"):
         run = recorded(event, "alone", name, 0).sel(time=slice(5.0, 10.0))
         axle = run.isel(axle=int(np.argmax(run["axle_unit"].values == 0)))
         look: dict[str, Any] = {"color": CONTROLLERS[name].colour, "linewidth": 0.9}
         force.plot(run["time"], axle["coefficient"], **look)
+        torque.plot(run["time"], run["motor_torque"][:, 0], **look)
         slip.plot(run["time"], axle["slip_velocity"], label=name, **look)
         path.plot(axle["slip_velocity"], axle["coefficient"], **look)
     rail = axle["adhesion_limit"].values
     force.fill_between(run["time"], 0.0, rail, color=OFFERED, linewidth=0.0)
     for level in rail[[0, -1]]:
         path.plot(across, event.event().rail.curve(across, level), **DASHED)
-    force.set(ylabel="coefficient [1]", ylim=(0.08, 0.2))
-    force.set_title("foremost driven axle; filled: what the rail offers")
-    slip.set(xlabel="time [s]", ylabel="slip [m/s]", xlim=(5.0, 10.0), ylim=(0.0, 0.4))
+    force.set(ylabel="coefficient [1]", ylim=(0.0, 0.2))
+    force.set_title("(a) foremost driven axle; filled: what the rail offers")
+    torque.set(ylabel="torque [N m]", ylim=(0.0, 900.0))
+    torque.set_title("(b) its motors")
+    slip.set(xlabel="time [s]", ylabel="slip [m/s]", xlim=(5.0, 10.0), ylim=(0.0, 0.5))
     path.set(xlabel="slip [m/s]", ylabel="coefficient [1]", xlim=(0.0, 0.3), ylim=(0.0, 0.2))
-    path.set_title("dashed: its curve before and after")
+    path.set_title("(d) dashed: its curve before and after")
+    slip.set_title("(c) its slip")
     slip.legend(ncols=3, loc="upper left")
     return drawn
 
@@ -261,13 +266,16 @@ FIGURES = {
     ),
     "allocation-bars": Drawing(
         draw_allocation,
-        f"In the event wet-patch at {INSTANT:g} s the front stands on the patch: caps inferred from its slip hold back the "
-        "rear, which could make up for it, while rules that go by each unit's own report use it.",
+        f"One instant of one event, wet-patch at {INSTANT:g} s, the front on the patch: caps inferred from its slip "
+        "(greedy, exact) hold back the rear, which could make up for it; rules that go by each unit's report (sharing, "
+        "cooperative) use a part of that, a fixed preset, which hears nobody, as much as sharing; the oracle, which knows "
+        "the rail, uses all.",
     ),
     "adhesion-drop": Drawing(
         draw_adhesion_drop,
-        "When adhesion falls by a third, cut-and-ramp takes the torque away and lets the wheel slip again as it returns, "
-        "while controllers of creep stay near the peak of the new curve.",
+        "When adhesion falls by a third, cut-and-ramp cuts the torque and raises it until the wheel slips again, "
+        "perturb-observe searches and stays near the peak of the new curve, and pi-creep holds a slip far beyond the "
+        "peak: between 6.5 s and 10 s the axle carries 98.7, 99.5 and 94.3 % of what the rail offers.",
     ),
 }
 

@@ -7,14 +7,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.evaluation.metrics import distance
+from alloc.evaluation.metrics import damage, distance
 from alloc.laws import speed_law
 from alloc.plant.columns import PLANT, WHEELSET
 from paper_figs.style import WIDE, Drawing
 from studies.jp4209318 import CALIBRATED, TABLE_3, TABLE_4, run_stop
 
 AXLES = ("#d55e00", "#e69f00", "#0072b2", "#56b4e9")
-"""Colours of a car's axles from its front; a bogie has that of its front axle."""
+"""Colours of a car's axles from its front."""
+BOGIES = {"front": "#009e73", "rear": "#8e4aa0"}
 
 
 def draw_adhesion() -> Figure:
@@ -52,8 +53,8 @@ def draw_control() -> Figure:
             rim = 3.6 * run["rim_speed"].values[:, axle]
             speeds.plot(time, rim, color=AXLES[k], lw=0.7, label=f"axle {k + 1}")
         speeds.plot(time, 3.6 * run["speed"].values, "k", label="train")
-        for k, place in enumerate(("front", "rear")):
-            group, colour = 2 * car + k, AXLES[2 * k]
+        for k, (place, colour) in enumerate(BOGIES.items()):
+            group = 2 * car + k
             pressure = run["cylinder_pressure"].values[:, group] / 1e3
             pressures.plot(time, pressure, color=colour, label=f"{place} bogie")
             for action, alpha, effect in ((1, 0.35, "hold"), (2, 1.0, "release")):
@@ -68,7 +69,9 @@ def draw_control() -> Figure:
     panels[2, 0].set_ylabel("bogie")
     handles = [handle for axes in panels[:, 0] for handle in axes.get_legend_handles_labels()[0]]
     drawn.legend(handles=handles, loc="outside lower center", ncols=6)
-    drawn.suptitle(f"braking distance {distance(run):.1f} m (printed in Table 3: {TABLE_3[3]} m)")
+    metres, damaged = TABLE_4["medium"]
+    title = f"braking distance {distance(run):.1f} m (printed: {metres}), wheel damage {damage(run):.0f} kJ"
+    drawn.suptitle(f"{title} (printed: {damaged:.0f})")
     return drawn
 
 

@@ -82,6 +82,8 @@ def draw_limits() -> Figure:
 
 
 STEPS = (
+    "S201: increments and empty masses are stored",
+    "S202: is this the foremost unit, B1?",
     "S203: slip of the foremost unit detected?",
     "S204, S205: estimate; caps: estimate + increment (5)",
     "S206, S207: mean of the caps (7) above the plan?",
@@ -94,18 +96,19 @@ STEPS = (
     "S217: each unit adds its load (6')\nand controls its motors",
 )
 BRANCHES = {
-    0: ("yes", "no", "S216: limits: the plan"),
-    2: ("yes: B", "no: A", "S208: limits: the caps"),
-    6: ("no: D", "yes: C", "S213: limit: the cap (10)"),
+    1: ("yes", "no", "end"),
+    2: ("yes", "no", "S216: limits: the plan"),
+    4: ("yes: B", "no: A", "S208: limits: the caps"),
+    8: ("no: D", "yes: C", "S213: limit: the cap (10)"),
 }
-"""Steps that ask -> answers that lead on and to the right, and what is done there; all meet at `MEET`."""
-MEET, RIGHT = 8, 1.3
+"""Steps that ask -> answers that lead on and to the right, and what is done there; but for the end all meet at `MEET`."""
+MEET, RIGHT = 10, 1.3
 """A step, and the place of the second column; the first is at 0."""
 
 
 def draw_steps() -> Figure:
     """Figs. 7 to 9 as one chart."""
-    drawn = Figure(figsize=(NARROW, 4.6), layout="constrained")
+    drawn = Figure(figsize=(NARROW, 5.4), layout="constrained")
     axes = drawn.subplots()
     axes.set(xlim=(-0.65, 1.72), ylim=(0.5 - len(STEPS), 0.5))
     axes.set_axis_off()
@@ -127,7 +130,7 @@ def draw_steps() -> Figure:
         arrow((0.0, -k), (RIGHT, -k), patchA=main[k], patchB=box(RIGHT, k, text))
         axes.text(0.03, -k - 0.5, on, fontsize=6, va="center")
         axes.text(0.68, -k + 0.22, right, fontsize=6)
-    axes.plot([RIGHT, RIGHT], [0.0, -MEET], color=DARK, lw=1.0)
+    axes.plot([RIGHT, RIGHT], [-2.0, -MEET], color=DARK, lw=1.0)
     arrow((RIGHT, -MEET), (0.0, -MEET), patchB=main[MEET])
     return drawn
 
@@ -186,7 +189,7 @@ def draw_brake_forces() -> Figure:
     shown = {
         "pattern [kN]": (run["plan"].values * load_of_unit + turning, "black"),
         "electric [kN]": (rim * run["motor_torque"].values[:, 0], BLUE),
-        "air [kN]": (member.sum() * run["air_brake_force"].values[:, 0] / 1e3, RED),
+        "air, command\n[kN]": (member.sum() * run["air_brake_force"].values[:, 0] / 1e3, RED),
     }
     drawn = Figure(figsize=(NARROW, 3.2), layout="constrained")
     panels = drawn.subplots(3, 1, sharex=True, sharey=True)
@@ -218,8 +221,9 @@ def draw_curve() -> Figure:
 FIGURES = {
     "slip-detection": Drawing(
         draw_detection,
-        "Fig. 5: the slip signal comes on above one acceleration and goes off at or below a lower one; here it also goes by "
-        "the slip itself, as at 9.0 s, since a unit whose slip grows slowly hardly accelerates.",
+        "Fig. 5: the slip signal comes on above one acceleration and goes off at or below a lower one. Here it also comes "
+        "on above a slip, as at 9.0 s, since a unit whose slip grows slowly hardly accelerates; and it goes off when both "
+        "acceleration and slip are low, so it lasts while the slip falls.",
         source=SOURCE,
     ),
     "limits": Drawing(
@@ -249,7 +253,7 @@ FIGURES = {
     "brake-blending": Drawing(
         draw_brake_forces,
         "Fig. 16: the electric brake of the foremost unit fluctuates with what the line takes up, and the air brake is "
-        "asked for the rest of the pattern, or of the limit while wheels slide.",
+        "asked for the rest of the pattern, or of the limit while wheels slide; its force follows the command with a lag.",
         source=SOURCE,
     ),
     "learning": Drawing(

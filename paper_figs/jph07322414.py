@@ -92,12 +92,14 @@ FIGURES = {
     ),
     "resistance-tunnel": Drawing(
         draw_tunnel,
-        "A train of 160 m passes a tunnel (grey: its front is inside): acceleration, speed, and the coefficient.",
+        "A train of 160 m passes a tunnel at 65 km/h (grey: its front is inside): acceleration, speed off the commanded, "
+        "and the coefficient; before the tunnel the speed still settles from the start of the run.",
         source=SOURCE,
     ),
     "resistance-climb": Drawing(
         draw_climb,
-        "The same past a climb of 20 per mille (grey: the front is on it).",
+        "The same past a climb of 20 per mille (grey: the front is on it): acceleration, speed off the commanded 65 km/h, "
+        "and the slope.",
         source=SOURCE,
     ),
     "resistance": Drawing(

@@ -91,6 +91,7 @@ def draw_creep() -> Figure:
         right.plot(speed, place, color=colour, linestyle=dashes, label=name)
     right.set(title="(b) all curves", xlabel="speed [km/h]", xlim=(0.0, 120.0), yscale="log")
     right.set_ylabel("slip velocity of the peak [m/s]")
+    right.yaxis.set_major_formatter("{x:g}")
     drawn.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=5)
     return drawn
 

@@ -75,16 +75,18 @@ def draw_curve_and_table() -> Figure:
     close, far, table = figure.subplots(1, 3)
     for axes, end in ((close, 0.15), (far, 5.0)):
         slip = np.linspace(0.0, end, 500)
-        for colour, (unit, unprinted) in zip(("#009E73", "#CC79A7"), IN_USE.items(), strict=True):
+        looks = ("#009E73", 2.4), ("#CC79A7", 1.0)  # where both are one the wide line is seen below
+        for (colour, width), (unit, unprinted) in zip(looks, IN_USE.items(), strict=True):
             for most, look in ((paper.BEFORE, "-"), (CASE_A.limit, "--")):
                 mu = unprinted.curve(slip, most)
-                axes.plot(slip, mu, look, color=colour, label=f"{most:g}, set in {spell(unit)}")
+                label = f"{most:g}, set in {spell(unit)}"
+                axes.plot(slip, mu, look, color=colour, linewidth=width, label=label)
         axes.set(xlabel="slip velocity [m/s]", xlim=(0.0, end), ylim=(0.0, 0.2))
     close.set(xticks=[0.0, 0.05, 0.1, 0.15], ylabel="coefficient [–]")
     for case, name in NAMES.items():
         ends = [-0.2, case.margin, case.margin + case.width, 1.6]
         table.plot(ends, [1.0, 1.0, 0.0, 0.0], color=COLOURS[case.width], label=name.strip(": "))
-    table.set(xlabel="deviation of acceleration\n[km/h/s or m/s²]", ylabel=FACTOR)
+    table.set(xlabel="deviation of acceleration\n[unit of $a_0$: km/h/s or m/s²]", ylabel=FACTOR)
     table.legend()
     handles, peak = close.get_legend_handles_labels(), r"$\mu_\mathrm{max}$"
     figure.legend(*handles, loc="outside lower center", ncols=4, title=peak)
@@ -131,8 +133,11 @@ def draw_trajectory() -> Figure:
             axes.axvspan(*macro, color="0.93", linewidth=0.0, label="macro slip")
             axes.set(title=format_title(case, unit), xscale="log", xlim=(slip[0], slip[-1]))
             axes.xaxis.set_major_formatter("{x:g}")
-    handles = panels[0, 0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=5)
+    handles, names = panels[0, 0].get_legend_handles_labels()
+    look: dict[str, Any] = {"color": "0.35"}  # stands for the colours of both cases
+    handles[0] = Line2D([], [], linewidth=0.8, **look)
+    handles[2] = Line2D([], [], marker="o", linestyle="none", **look)
+    figure.legend(handles, names, loc="outside lower center", ncols=5)
     return figure
 
 
@@ -232,7 +237,8 @@ _DRAWN: dict[str, tuple[Callable[..., Figure], str, str]] = {
     ),
     "half-slip": (
         partial(draw_over_time, *HALF_SLIPS),
-        "Figs. 22, 23: slip and torque where the rail gives just less than the plan",
+        "Figs. 22, 23: slip and torque where the rail gives just less than the plan: the text's long half-slip at a_w 0.2 "
+        "does not come, and that at a_w 0.3 comes in m/s² alone",
         "",
     ),
     "downhill": (

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from paper_figs.style import NARROW, WIDE, Drawing
 from studies.rtri import BRAKED_AT, CUT_OUT, TESTS, measure_test, tabulate_days
 
-DAY = 0
-"""Of the tests that are shown."""
+DAY, TYPICAL_DAY = 0, 1
+"""Of the tests that are shown, and of theory: on the second the first wagon's shoes are as theory has them."""
 LOCOMOTIVE, WAGONS, THEORY = "#0072b2", "#e69f00", "black"
 
 
@@ -64,7 +64,7 @@ def draw_cut_out(rows: pd.DataFrame) -> Figure:
 
 def draw_theory() -> Figure:
     """Emergency brake of 18 cars: (a) all wagons by (5) and (8), (b) the first wagon by (9) and (7)."""
-    m, e = measure_test("emergency", DAY)
+    m, e = measure_test("emergency", TYPICAL_DAY)
     shown = slice(0, e.window.stop)
     wagons, time = TESTS["emergency"].wagons, m.time[shown] - BRAKED_AT
     drawn = Figure(figsize=(WIDE, 2.4), layout="constrained")
@@ -85,8 +85,8 @@ def draw_theory() -> Figure:
 FIGURES = {
     "brake-tests": Drawing(
         draw_over_time,
-        "Figs. 4 and 5: the locomotive's estimate is steady at once; that of the wagons swings until relative motion has "
-        "died out, and with the spikes of the coupler.",
+        "Figs. 4 and 5: the locomotive's estimate is smooth from the beginning, and rises as its cylinders fill; that of "
+        "the wagons swings until relative motion has died out, and with the spikes of the coupler.",
         source="rtri",
     ),
     "brake-cut-out": Drawing(
@@ -97,7 +97,8 @@ FIGURES = {
     ),
     "brake-theory": Drawing(
         draw_theory,
-        "Fig. 7: the estimates of 17 wagons and of the first follow the theoretical force on average.",
+        "Fig. 7: the estimates of 17 wagons and of the first follow the theoretical force, within 1 % on this day; as shoes "
+        "scatter by 5 %, which theory does not know, the first wagon is 9 % below to 14 % above it on single days of 60.",
         source="rtri",
     ),
 }

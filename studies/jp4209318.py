@@ -157,16 +157,17 @@ def run_stop(
 
 
 def run(numbers: Undisclosed, cars: int, protection: SlideProtection) -> Row:
-    """Distance [m], Q [kJ], locked axle-seconds, mean slip ratio of every axle, and what the laws say of the record."""
+    """Distance [m], Q [kJ], locked axle-seconds, mean slip ratio and slide [m/s] of axles, and what the laws say of the record."""
     recording = run_stop(numbers, cars, protection)
     speed = recording["speed"].values
     moving = speed > LEAST_SPEED
-    slip = np.maximum(-recording["slip_velocity"].values[moving], 0.0) / speed[moving, None]
+    slide = np.maximum(-recording["slip_velocity"].values[moving], 0.0)
+    means = {"slip": (slide / speed[moving, None]).mean(axis=0), "slide": slide.mean(axis=0)}
     return {
         "distance": distance(recording),
         "Q": damage(recording),
         "locked": locked_time(recording),
-        **{f"slip_{k + 1}": float(ratio) for k, ratio in enumerate(slip.mean(axis=0))},
+        **{f"{name}_{k + 1}": x for name, of in means.items() for k, x in enumerate(of.tolist())},
         **check_laws(recording, build_train(cars)),
     }
 
@@ -267,14 +268,18 @@ def near_printed(source: str, value: float, printed: float, tolerance: float) ->
 def list_findings(rows: pd.DataFrame) -> dict[str, Finding]:
     """Of the stops of a set; those that compare with other laws only where all stops are among its rows.
 
-    Slip ratios are means at medium sensitivity; of several differences the least counts, of several errors the greatest.
+    Slips and slides are means at medium setting; of several differences the least counts, of several errors the greatest.
     """
     kinds: Any = dict(list(rows.groupby("kind")))
     five = kinds["tables"]
     by_cars = five[five["setting"] == "medium"].set_index("cars")["distance"]
     three = five[five["cars"] == 3].set_index("setting")
     longer, q = 100.0 * (three["distance"] / three.loc["medium", "distance"] - 1.0), three["Q"]
-    slip = 100.0 * three.loc["medium", [f"slip_{k + 1}" for k in range(12)]].to_numpy(float)
+    slip, slide = (
+        three.loc["medium", [f"{name}_{k + 1}" for k in range(12)]].to_numpy(float)
+        for name in ("slip", "slide")
+    )
+    slip, of_cars = 100.0 * slip, slide.reshape(3, 4).mean(axis=1)
     q_28 = 100.0 * (five["Q_28"] / five["Q"] - 1.0).abs().max()
     findings = {
         **{f"distance, {n} car{'s' * (n > 1)} [m]": near_printed("Table 3", by_cars[n], metres, 0.003 * metres)
@@ -288,6 +293,7 @@ def list_findings(rows: pd.DataFrame) -> dict[str, Finding]:
         "axle 1 slides more than any other by [points]": Finding("par. 0058", slip[0] - slip[1:].max(), 0.0),
         "each car behind slides less by [points]":
             Finding("par. 0058", -np.diff(slip.reshape(3, 4).mean(axis=1)).max(), 0.0),
+        "each car behind slides less by [m/s]": Finding("par. 0058", -np.diff(of_cars).max(), 0.0),
         "rear axle of a bogie slides less by [points]": Finding("par. 0059", (slip[0::2] - slip[1::2]).min(), 0.0),
         "wheels stand for [axle s]": Finding("par. 0037", five["locked"].sum(), most=0.0),
         "speeds from forces, first form: off by [m/s]": Finding("(5) to (11)", five["form_1"].max(), most=0.1),
