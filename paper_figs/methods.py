@@ -58,8 +58,7 @@ def draw_plans(slips: Axes, torques: Axes) -> None:
     run, memory, posed = run_mpc()
     slip, period = find_front(run)[0], float(run.attrs["control_period"])
     slips.plot(run["time"], posed.limit, color="black", linewidth=0.8, label="slip limit")
-    look: dict[str, Any] = {"color": PLANS, "linewidth": 2.0, "zorder": 3}
-    look |= {"marker": "o", "markersize": 3.5, "markevery": [0]}
+    look: Any = {"color": PLANS, "lw": 2.0, "zorder": 3, "marker": "o", "ms": 3.5, "markevery": [0]}
     slips.text(8.93, 0.07, "plans of 0.15 s", color=PLANS)
     for instant in PLANNED:
         k = round(instant / period)

@@ -157,7 +157,7 @@ def run_stop(
 
 
 def run(numbers: Undisclosed, cars: int, protection: SlideProtection) -> Row:
-    """Distance [m], Q [kJ], locked axle-seconds, mean slip ratio and slide [m/s] of axles, and what the laws say of the record."""
+    """Distance [m], Q [kJ], locked axle-seconds, mean slip ratio and slide [m/s] of axles; what laws say of the record."""
     recording = run_stop(numbers, cars, protection)
     speed = recording["speed"].values
     moving = speed > LEAST_SPEED
