@@ -21,7 +21,7 @@ from paper_figs.event import DASHED, OFFERED, Floats
 from paper_figs.style import LARGE, WIDE, Drawing
 from studies.files.scenario_files import load_scenario
 
-EVENT, SEARCH, OPTIMAL = "wet-patch", "perturb-observe", "mpc"
+EVENT, SEARCH, OPTIMAL = "wet-patch", "perturb-observe", "mpc-casadi"
 METHODS = {"greedy": ("greedy", SEARCH), "QP": ("qp", SEARCH), "MPC": ("cooperative", OPTIMAL)}
 """Short name of a method -> its rule, and the controller below."""
 INSTANT, HALF, PLANNED = 12.0, 0.25, (8.72, 9.02, 9.5)
