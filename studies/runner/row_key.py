@@ -38,8 +38,9 @@ APART = (
     "alloc.evaluation.measured_series",
     "alloc.conformance",
     "alloc.rules.conformance",
+    "mpc.optimum",
 )
-"""What of `alloc` no run uses: it counts where a function names it."""
+"""What of `alloc` and `mpc` no run uses: it counts where a function names it."""
 LIBRARIES = ("numpy", "numba", "llvmlite", "casadi", "osqp", "cvxpy")
 """Installed packages whose versions count, beside that of Python."""
 TEXTS = (".csv", ".toml", ".json", ".txt", ".yaml", ".yml", ".ini", ".xml", ".dat")
