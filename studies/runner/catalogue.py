@@ -21,6 +21,7 @@ STUDIES = (
     "tuning",
     "assumptions",
     "mpc_parts",
+    "conditioning",
     "claims",
     "braking",
     "learning",
