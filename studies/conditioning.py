@@ -1,20 +1,22 @@
 """JP4209318 par. 0051: who should slip for whom, where wheels that slip clean the rail for those behind?
 
-A train in balance, by the plant's laws: motors of a unit have one torque, so its foremost axle slips most. In the optimum some
+A train in balance, by the plant's laws: the motors of a unit have one torque, and its foremost axle slips most. At best some
 foremost units share a slip, and the rest another below the peak; units that are all free reach no more (a test). Baselines:
 the best slip for all, and US 10780904, which moves one slip for all to where the mean adhesion of the axles is greatest.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
+import scipy  # loads `interpolate` when it is needed
+import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
 from alloc import laws
 from alloc.evaluation.metrics import METRICS
@@ -35,7 +37,7 @@ LOAD, UNITS = 78_453.2, 4
 """Axle load of a motor car [N], and motor cars, of `commuter-8car`."""
 MOST = 0.2
 """Greatest slip ratio that is held: assumed, as slide protection allows."""
-HALVINGS = 32
+HALVINGS = 24
 
 
 def make_rail(law: str, level: float, gain: float, scale: float = 0.02, **keys: Any) -> Rail:
@@ -43,6 +45,15 @@ def make_rail(law: str, level: float, gain: float, scale: float = 0.02, **keys: 
     if law == "energy":
         return Rail(level, recovered_coefficient=level * (1.0 + gain), **keys)
     return Rail(level, conditioning=gain, conditioning_slip=scale, **keys)
+
+
+def halve(too_low: Callable[[Floats], NDArray[np.bool_]], low: Floats, high: Floats) -> Floats:
+    """Where `too_low` ends between `low` and `high`, by bisection."""
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        rises = too_low(middle)
+        low, high = np.where(rises, middle, low), np.where(rises, high, middle)
+    return high
 
 
 @dataclass(frozen=True)
@@ -76,23 +87,18 @@ class Balance:
         Axles behind carry the same force at the least slip at which they can.
         """
         clean, slip = np.broadcast_arrays(np.asarray(clean, float), np.asarray(slip, float))
-        low, force = np.zeros(slip.shape), np.full(slip.shape, self.rail.greatest_peak())
-        for _ in range(HALVINGS):  # more force is more energy, and so cleaner rail
-            middle = 0.5 * (low + force)
-            enough = self.carries(clean, slip, middle)
-            low, force = np.where(enough, middle, low), np.where(enough, force, middle)
+        nothing, peak = np.zeros(slip.shape), np.full(slip.shape, self.rail.greatest_peak())
+        # more force is more energy, and so cleaner rail
+        force = halve(lambda x: self.carries(clean, slip, x), nothing, peak)
         clean, power = np.maximum(clean, self.meet(clean, slip, force)[1]), force * slip
         for _ in range(self.axles - 1):
-            offered = self.meet(clean, 0.0 * slip, force)[0]
+            offered = self.meet(clean, nothing, force)[0]
             top = np.minimum(slip, self.rail.curve.top(self.speed, offered)[1])
-            enough = self.carries(clean, top, force)
-            low, high = np.where(enough, 0.0, top), np.where(enough, top, slip)
-            for _ in range(HALVINGS):
-                middle = 0.5 * (low + high)
-                enough = self.carries(clean, middle, force)
-                low, high = np.where(enough, low, middle), np.where(enough, middle, high)
-            left = self.meet(clean, high, force)[1]
-            clean, power = np.maximum(clean, left), power + force * high
+            near = self.carries(clean, top, force)
+            ends = np.where(near, nothing, top), np.where(near, top, slip)
+            behind = halve(lambda s, c=clean: ~self.carries(c, s, force), *ends)
+            clean = np.maximum(clean, self.meet(clean, behind, force)[1])
+            power = power + force * behind
         return force, power / self.axles, clean
 
     def run(self, *slips: ArrayLike) -> tuple[Floats, Floats]:
@@ -109,7 +115,7 @@ def score(force: ArrayLike, power: ArrayLike) -> Floats:
     return np.asarray(100.0 * np.log(force) - PRICE * np.log(power))
 
 
-def find_best(balance: Balance, nodes: int = 96) -> Row:
+def find_best(balance: Balance, nodes: int = 64) -> Row:
     """Slips [m/s]: `uniform`, the best for all; `mean`, of the greatest mean adhesion; `lead` of `leaders`, `rest`: optimum.
 
     `won`, `lost`: score of the optimum over that of `uniform`, and of that over `mean`. `effort_won`, `damage_won`: over
@@ -143,7 +149,7 @@ def find_best(balance: Balance, nodes: int = 96) -> Row:
     return {name: float(number) for name, number in numbers.items()}
 
 
-LEVELS, GAINS, SHOWN = np.linspace(0.06, 0.15, 5), np.geomspace(0.03, 3.0, 13), [2, 4, 6, 8, 10]
+LEVELS, GAINS, SHOWN = np.linspace(0.06, 0.15, 5), np.geomspace(0.03, 3.0, 13), [4, 6, 8]
 MIDDLE = float(LEVELS[2])
 WIDE_PEAK = SlipRatioCurve(0.03, 0.8)
 MAPS = {
@@ -163,17 +169,17 @@ CASES = {
     "that, and all is left": ("energy", {"recovery_energy": 420.0, "recovery_left": 1.0}, {}),
 }
 """Law, and what differs of rail and train; cases stand beside the maps at the level `MIDDLE` and the gains `SHOWN`."""
-HELD = np.geomspace(0.03, 1.5, 10)
-"""Slips for all in the starts [m/s]."""
-OPTIMUM, SEARCH = "optimum", "perturb-observe"
+RATIOS = 1.25 ** np.arange(-4.0, 5.0)
+"""Slips for all that a start is run with, over the best one of a train in balance."""
+OPTIMUM, SEARCH, UNIFORM = "optimum", "perturb-observe", "one slip"
 
 
 def make_start(seed: int, k: int, law: str) -> Event:
     """Start `k`: rail, curve and first speed are drawn; motors are strong, so that adhesion alone limits the effort."""
     g = Draw(seed, k, 76)
     level, speed = g.uniform(0.06, 0.15), g.uniform(15.0, 45.0) / 3.6
-    gain, scale = min(g.log_uniform(0.05, 1.2), 0.22 / level - 1.0), g.log_uniform(0.005, 0.05)
-    kind = g.choose(("piecewise", "rational", "slip-ratio"))
+    gain, scale = min(g.log_uniform(0.15, 1.5), 0.22 / level - 1.0), g.log_uniform(0.005, 0.05)
+    kind = g.choose(("piecewise", "rational", "slip-ratio"), [0.5, 0.25, 0.25])
     shape = {key: g.log_uniform(*ends) for key, ends in population.CURVES[kind].items()}
     rail = make_rail(law, level, gain, scale, curve=CURVES[kind](**shape))
     event = load_scenario("wet-start").changed(variation=None, duration_s=20.0).event(0)
@@ -185,15 +191,13 @@ def make_start(seed: int, k: int, law: str) -> Event:
     return replace(event, train=train, rail=rail, command=command, initial_speed=speed)
 
 
-def run_start(event: Event, controller: str, slips: Any = math.nan) -> Row:
-    """Effort over the plan, damage [kJ] and mean speed [m/s] where units hold `slips` [m/s], or search their own."""
+def simulate_held(event: Event, controller: str, slips: Any = math.nan) -> xr.Dataset:
+    """The run in which units hold `slips` [m/s] under "pi-creep", or begin with them under a search."""
     start = Simulation(event, "alone", controller)
     memory = start.world.memory.view(np.uint8).view(CONTROLLERS[controller].memory.dtype)
     memory["reference"][:, 0] = slips
     start.run_to_end()
-    record = start.recorded()
-    row = {name: float(METRICS[name].function(record)) for name in ("effort_ratio", "damage")}
-    return row | {"speed": float(record["speed"].mean())}
+    return start.recorded()
 
 
 def run(kind: str, law: str, *numbers: Any) -> list[Row]:
@@ -204,27 +208,28 @@ def run(kind: str, law: str, *numbers: Any) -> list[Row]:
         rails = {gain: make_rail(by, *numbers, gain, **keys) for gain in gains.tolist()}
         return [{"gain": g} | find_best(Balance(rail, **train)) for g, rail in rails.items()]
     event = make_start(*numbers, law)
-    runs = {SEARCH: run_start(event, SEARCH)}
-    best = find_best(Balance(event.rail, runs[SEARCH]["speed"]))
+    runs = {SEARCH: simulate_held(event, SEARCH)}
+    best = find_best(Balance(event.rail, float(runs[SEARCH]["speed"].mean())))
     leaders = int(best["leaders"])
     slips = {OPTIMUM: np.repeat([best["lead"], best["rest"]], [leaders, UNITS - leaders])}
-    slips |= {f"{slip:.2f} m/s": slip for slip in HELD}
-    runs |= {name: run_start(event, "pi-creep", held) for name, held in slips.items()}
+    slips |= {f"{UNIFORM} {ratio:.2f}": ratio * best["uniform"] for ratio in RATIOS}
+    runs |= {name: simulate_held(event, "pi-creep", held) for name, held in slips.items()}
     peak = "narrow" if isinstance(event.rail.curve, PiecewiseCurve) else "drawn"
-    return [row | {"held": name, "peak": peak} for name, row in runs.items()]
+    return [
+        {name: float(METRICS[name].function(record)) for name in ("effort_ratio", "damage")}
+        | {"held": held, "peak": peak, "won": best["won"]}
+        for held, record in runs.items()
+    ]
 
 
 def cells(events: int, seed: int) -> list[Cell]:
     """Maps level by level, cases, then each start on a rail that either law cleans."""
-    places = [("map", name, level) for name in MAPS for level in LEVELS.tolist()]
-    places += [("case", name, MIDDLE) for name in CASES]
-    starts = [("start", law, seed, k) for k in range(events) for law in ("slip", "energy")]
+    args: list[Any] = [("map", name, level) for name in MAPS for level in LEVELS.tolist()]
+    args += [("case", name, MIDDLE) for name in CASES]
+    args += [("start", law, seed, k) for k in range(events) for law in ("slip", "energy")]
+    heads = ("kind", "law", "number")  # the level, or the start
     return [
-        Cell(f"{law}/{x:.3f}", (kind, law, x), {"kind": kind, "law": law, "level": x})
-        for kind, law, x in places
-    ] + [
-        Cell(f"start {x[-1]}/{x[1]}", x, {"kind": "start", "law": x[1], "start": x[-1]})
-        for x in starts
+        Cell("/".join(map(str, x)), x, dict(zip(heads, (*x[:2], x[-1]), strict=True))) for x in args
     ]
 
 
@@ -232,44 +237,42 @@ def compare_starts(rows: pd.DataFrame) -> pd.DataFrame:
     """Starts with `equal`, effort over that of the best slip for all at the same damage, and `ahead`, score over its own."""
     starts = rows[(rows["status"] == "ok") & (rows["kind"] == "start")].copy()
     starts["score"] = score(starts["effort_ratio"], starts["damage"])
-    for _, part in starts.groupby(["law", "start"]):
-        front = part[part["held"].str.endswith("m/s")].sort_values("damage")
-        effort = np.maximum.accumulate(front["effort_ratio"])
-        reach = PchipInterpolator(np.log(front["damage"]), effort, extrapolate=False)
-        equal = part["effort_ratio"] / reach(np.log(part["damage"])) - 1.0
-        starts.loc[part.index, "equal"] = equal
+    for _, part in starts.groupby(["law", "number"]):
+        front = part[part["held"].str.startswith(UNIFORM)].sort_values("damage")
+        damage, effort = np.log(front["damage"]), np.maximum.accumulate(front["effort_ratio"])
+        reach = scipy.interpolate.PchipInterpolator(damage, effort, extrapolate=False)
+        starts.loc[part.index, "equal"] = part["effort_ratio"] / reach(np.log(part["damage"])) - 1.0
         starts.loc[part.index, "ahead"] = part["score"] - front["score"].max()
     return starts
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Starts by law and peak: what is reached over the best slip for all of each start."""
-    starts = compare_starts(rows)
-    uniform = starts[starts["held"].str.endswith("m/s")]
-    single = str(uniform.groupby("held")["score"].mean().idxmax())
     columns = {
-        "effort at equal damage [%]": Statistic("equal", 1, 100.0),
-        "score [points]": Statistic("ahead", 1),
+        "promised [points]": Statistic("won", 1),
+        "reached [points]": Statistic("ahead", 1),
         "worst": Statistic("ahead", 1, average=without_interval(pd.Series.min)),
+        "effort at equal damage [%]": Statistic("equal", 1, 100.0),
     }
     lines = []
-    for (law, peak), part in starts.groupby(["law", "peak"], sort=False):
-        for name in (OPTIMUM, SEARCH, single):
+    for (law, peak), part in compare_starts(rows).groupby(["law", "peak"]):
+        for name in (OPTIMUM, SEARCH):
             runs = part[part["held"] == name]
             line: Row = {"cleaned by": law, "peak": peak, "starts": len(runs), "units hold": name}
-            lines.append(line | {head: column.text(runs) for head, column in columns.items()})
+            line |= {head: column.text(runs) for head, column in columns.items()}
+            lines.append(line | ({} if name == OPTIMUM else {"promised [points]": "–"}))
     return pd.DataFrame(lines)
 
 
 def map_table(rows: pd.DataFrame) -> pd.DataFrame:
     """Optimum of maps and cases at the level `MIDDLE` and the gains `SHOWN`."""
-    good = rows[(rows["status"] == "ok") & (rows["level"] == MIDDLE)]
+    good = rows[(rows["status"] == "ok") & (rows["number"] == MIDDLE)]
     return pd.DataFrame(
         {
             "rail": row.law, "gain": f"{row.gain:.2f}", "leaders": f"{row.leaders:.0f}",
             "slips [m/s]": f"{row.lead:.2f}, {row.rest:.2f}", "one slip [m/s]": f"{row.uniform:.2f}",
             "effort won [%]": f"{100.0 * row.effort_won:.1f}", "damage won [%]": f"{100.0 * row.damage_won:.0f}",
-            "slip of mean adhesion [m/s]": f"{row.mean:.2f}", "points lost by it": f"{row.lost:.1f}",
+            "slip of greatest mean adhesion [m/s]": f"{row.mean:.2f}", "lost there [points]": f"{row.lost:.1f}",
         }
         for row in good[good["gain"].isin(GAINS[SHOWN])].itertuples()
     )  # fmt: skip
@@ -283,19 +286,22 @@ def figure(rows: pd.DataFrame) -> Figure:
     for axes, name in zip(panels, MAPS, strict=True):
         good = rows[(rows["status"] == "ok") & (rows["law"] == name)]
         lead, rest, won, uniform = (
-            good.pivot(index="gain", columns="level", values=key)
+            good.pivot(index="gain", columns="number", values=key)
             for key in ("lead", "rest", "effort_won", "uniform")
         )
         mesh = axes.pcolormesh(
-            LEVELS, GAINS, lead / rest, norm=norm, cmap="cividis", shading="nearest"
+            LEVELS, GAINS, lead / rest, norm=norm, cmap="cividis", shading="gouraud"
         )
-        if won.to_numpy().max() > 0.02:
-            lines = axes.contour(LEVELS, GAINS, 100.0 * won, [2.0, 5.0, 10.0], colors="white")
-            axes.clabel(lines, fmt="%g %%")
-        axes.contour(LEVELS, GAINS, uniform, [1.0], colors="#d55e00", linestyles="dashed")
+        for values, levels, text, colour in (
+            (100.0 * won, [2.0, 8.0], "%g %%", "white"),
+            (uniform, [1.0], "all at 1 m/s", "#e69f00"),
+        ):
+            if values.to_numpy().min() < levels[0] < values.to_numpy().max():
+                axes.clabel(axes.contour(LEVELS, GAINS, values, levels, colors=colour), fmt=text)
         axes.set(yscale="log", xlabel="level of the rail [1]", title=name)
     panels[0].set_ylabel("gain of clean rail [1]")
-    drawn.colorbar(mesh, ax=panels, label="slip of the foremost over that of the rest [1]")
+    bar = drawn.colorbar(mesh, ax=panels, label="slip of the foremost over the others' [1]")
+    bar.set_ticks([1.0, 3.0, 10.0, 30.0], labels=["1", "3", "10", "30"])
     return drawn
 
 
