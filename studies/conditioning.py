@@ -81,22 +81,26 @@ class Balance:
         """Whether an axle with this slip carries more than the force."""
         return self.rail.curve(slip, self.meet(clean, slip, force)[0], self.speed) > force
 
-    def pull(self, clean: ArrayLike, slip: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    def find_slip(self, clean: Floats, force: Floats, most: Floats) -> Floats:
+        """Least slip [m/s], at most `most`, at which an axle carries the force."""
+        offered = self.meet(clean, 0.0 * most, force)[0]
+        top = np.minimum(most, self.rail.curve.top(self.speed, offered)[1])
+        near = self.carries(clean, top, force)
+        low, high = np.where(near, 0.0, top), np.where(near, top, most)
+        return halve(lambda slip: ~self.carries(clean, slip, force), low, high)
+
+    def pull(self, clean: Floats, slip: Floats) -> tuple[Floats, Floats, Floats]:
         """Force of a unit, power that slip dissipates, and how clean it leaves the rail; `slip` [m/s] of its first axle.
 
         Axles behind carry the same force at the least slip at which they can.
         """
-        clean, slip = np.broadcast_arrays(np.asarray(clean, float), np.asarray(slip, float))
-        nothing, peak = np.zeros(slip.shape), np.full(slip.shape, self.rail.greatest_peak())
+        clean, slip = np.broadcast_arrays(clean, slip)
+        peak = np.full(slip.shape, self.rail.greatest_peak())
         # more force is more energy, and so cleaner rail
-        force = halve(lambda x: self.carries(clean, slip, x), nothing, peak)
+        force = halve(lambda force: self.carries(clean, slip, force), 0.0 * peak, peak)
         clean, power = np.maximum(clean, self.meet(clean, slip, force)[1]), force * slip
         for _ in range(self.axles - 1):
-            offered = self.meet(clean, nothing, force)[0]
-            top = np.minimum(slip, self.rail.curve.top(self.speed, offered)[1])
-            near = self.carries(clean, top, force)
-            ends = np.where(near, nothing, top), np.where(near, top, slip)
-            behind = halve(lambda s, c=clean: ~self.carries(c, s, force), *ends)
+            behind = self.find_slip(clean, force, slip)
             clean = np.maximum(clean, self.meet(clean, behind, force)[1])
             power = power + force * behind
         return force, power / self.axles, clean
@@ -105,7 +109,7 @@ class Balance:
         """Mean force and power of units with these slips [m/s] from the foremost on."""
         clean, force, power = np.zeros((3, 1))
         for slip in slips:
-            pulled, spent, clean = self.pull(clean, slip)
+            pulled, spent, clean = self.pull(clean, np.asarray(slip))
             force, power = force + pulled, power + spent
         return force / len(slips), power / len(slips)
 
@@ -151,13 +155,15 @@ def find_best(balance: Balance, nodes: int = 64) -> Row:
 
 LEVELS, GAINS, SHOWN = np.linspace(0.06, 0.15, 5), np.geomspace(0.03, 3.0, 13), [4, 6, 8]
 MIDDLE = float(LEVELS[2])
+Case = tuple[str, dict[str, Any], dict[str, Any]]
+"""Law of cleaning, and what differs of rail and train."""
 WIDE_PEAK = SlipRatioCurve(0.03, 0.8)
-MAPS = {
+MAPS: dict[str, Case] = {
     "by slip": ("slip", {}, {}),
     "by slip, wide peak": ("slip", {"curve": WIDE_PEAK}, {}),
     "by energy": ("energy", {}, {}),
 }
-CASES = {
+CASES: dict[str, Case] = {
     "5 m/s": ("slip", {}, {"speed": 5.0}),
     "20 m/s": ("slip", {}, {"speed": 20.0}),
     "63 % at 0.005": ("slip", {"scale": 0.005}, {}),
@@ -168,9 +174,11 @@ CASES = {
     "a tenth of the energy": ("energy", {"recovery_energy": 420.0}, {}),
     "that, and all is left": ("energy", {"recovery_energy": 420.0, "recovery_left": 1.0}, {}),
 }
-"""Law, and what differs of rail and train; cases stand beside the maps at the level `MIDDLE` and the gains `SHOWN`."""
+"""Beside the maps, at the level `MIDDLE` and the gains `SHOWN`."""
 RATIOS = 1.25 ** np.arange(-4.0, 5.0)
 """Slips for all that a start is run with, over the best one of a train in balance."""
+LATE = 13.0
+"""Instant [s] from which most trains have run from the foremost unit to the hindmost, 100 m."""
 OPTIMUM, SEARCH, UNIFORM = "optimum", "perturb-observe", "one slip"
 
 
@@ -200,14 +208,14 @@ def simulate_held(event: Event, controller: str, slips: Any = math.nan) -> xr.Da
     return start.recorded()
 
 
-def run(kind: str, law: str, *numbers: Any) -> list[Row]:
+def run(kind: str, law: str, number: float, start: int = 0) -> list[Row]:
     """The optimum over gains at a level of a map or a case; or a start under everything that its units may hold."""
     if kind != "start":
         by, keys, train = (MAPS | CASES)[law]
         gains = GAINS if kind == "map" else GAINS[SHOWN]
-        rails = {gain: make_rail(by, *numbers, gain, **keys) for gain in gains.tolist()}
+        rails = {gain: make_rail(by, number, gain, **keys) for gain in gains.tolist()}
         return [{"gain": g} | find_best(Balance(rail, **train)) for g, rail in rails.items()]
-    event = make_start(*numbers, law)
+    event = make_start(int(number), start, law)
     runs = {SEARCH: simulate_held(event, SEARCH)}
     best = find_best(Balance(event.rail, float(runs[SEARCH]["speed"].mean())))
     leaders = int(best["leaders"])
@@ -215,11 +223,16 @@ def run(kind: str, law: str, *numbers: Any) -> list[Row]:
     slips |= {f"{UNIFORM} {ratio:.2f}": ratio * best["uniform"] for ratio in RATIOS}
     runs |= {name: simulate_held(event, "pi-creep", held) for name, held in slips.items()}
     peak = "narrow" if isinstance(event.rail.curve, PiecewiseCurve) else "drawn"
-    return [
-        {name: float(METRICS[name].function(record)) for name in ("effort_ratio", "damage")}
-        | {"held": held, "peak": peak, "won": best["won"]}
-        for held, record in runs.items()
-    ]
+    rows = []
+    for held, record in runs.items():
+        late = record.isel(time=record["time"].values >= LATE, axle=record["axle_unit"].values >= 0)
+        power = late["rail_force"] * late["slip_velocity"]
+        row: Row = {
+            name: float(METRICS[name].function(record)) for name in ("effort_ratio", "damage")
+        }
+        row |= {"late": float(score(late["rail_force"].mean(), power.mean()))}
+        rows.append(row | {"held": held, "peak": peak, "won": best["won"]})
+    return rows
 
 
 def cells(events: int, seed: int) -> list[Cell]:
@@ -234,7 +247,7 @@ def cells(events: int, seed: int) -> list[Cell]:
 
 
 def compare_starts(rows: pd.DataFrame) -> pd.DataFrame:
-    """Starts with `equal`, effort over that of the best slip for all at the same damage, and `ahead`, score over its own."""
+    """Starts with `equal`, effort over that of the best slip for all at the same damage, and scores over its own."""
     starts = rows[(rows["status"] == "ok") & (rows["kind"] == "start")].copy()
     starts["score"] = score(starts["effort_ratio"], starts["damage"])
     for _, part in starts.groupby(["law", "number"]):
@@ -242,7 +255,8 @@ def compare_starts(rows: pd.DataFrame) -> pd.DataFrame:
         damage, effort = np.log(front["damage"]), np.maximum.accumulate(front["effort_ratio"])
         reach = scipy.interpolate.PchipInterpolator(damage, effort, extrapolate=False)
         starts.loc[part.index, "equal"] = part["effort_ratio"] / reach(np.log(part["damage"])) - 1.0
-        starts.loc[part.index, "ahead"] = part["score"] - front["score"].max()
+        for name in ("score", "late"):
+            starts.loc[part.index, f"{name}_ahead"] = part[name] - front[name].max()
     return starts
 
 
@@ -250,8 +264,9 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Starts by law and peak: what is reached over the best slip for all of each start."""
     columns = {
         "promised [points]": Statistic("won", 1),
-        "reached [points]": Statistic("ahead", 1),
-        "worst": Statistic("ahead", 1, average=without_interval(pd.Series.min)),
+        "in the last 7 s": Statistic("late_ahead", 1),
+        "in the whole start": Statistic("score_ahead", 1),
+        "worst": Statistic("score_ahead", 1, average=without_interval(pd.Series.min)),
         "effort at equal damage [%]": Statistic("equal", 1, 100.0),
     }
     lines = []
