@@ -131,7 +131,7 @@ FIGURES = {
     "cleaned-rail": Drawing(
         study_figure("conditioning"),
         "Par. 0051, a train of four units in balance at 10 m/s where wheels clean the rail: slip of the foremost units over "
-        "the others' at the optimum; white: effort that it wins at equal damage over one slip for all; above the orange line "
+        "the others' at the optimum; white: effort that it wins at equal damage over one slip for all; above orange "
         "all should slide.",
         study="conditioning",
         source="jp4209318",
