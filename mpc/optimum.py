@@ -33,7 +33,7 @@ from alloc.onboard.targets import torque_per_coefficient
 from alloc.run.event import Event
 from alloc.run.simulation import ADVANCE, BRAKE, Simulation, simulate
 from alloc.schema.errors import InputError, UnsoundRun
-from mpc.plant import KNOTS, between_knots, build_plant, ramp, refuse
+from mpc.plant import KNOTS, build_plant, refuse, through_knots
 
 Floats = NDArray[np.float64]
 STEP = 0.06
@@ -107,7 +107,7 @@ class EventProblem:
         downhill = gradient_force(w.cars.mass, grade).sum(axis=1)
         self.line = downhill, air @ w.cars.resistance_quadratic
         self.per_torque = w.drives.axles * w.drives.gear / w.drives.radius
-        self.asked = self.ask()
+        self.demand = self.ask()
         self.solver = self.build_solver()
 
     def ask(self) -> tuple[Floats, Floats]:
@@ -130,7 +130,8 @@ class EventProblem:
         w, p, x = self.world, self.world.plant[0], states[0, ::2]
         scatter = (x + w.wheelsets.offset[self.driven, None]) / (p.scatter_length or np.inf)
         line = (x - p.line_origin) / (p.line_spacing if w.line.size > 1 else np.inf)
-        kmh = 3.6 * (states[1, 1::2] + self.mean @ states[2 : 2 + self.n, 1::2])
+        middle = 0.75 * states[:, ::2] + 0.25 * states[:, 1::2]
+        kmh = 3.6 * (middle[1] + self.mean @ middle[2 : 2 + self.n])
         return np.vstack([scatter, line, kmh])
 
     def find_numbers(self, states: Floats) -> Floats:
@@ -154,11 +155,12 @@ class EventProblem:
         plant = build_plant(self.world, self.event.rail.curve)
         rates = [plant(y[i], u, begin + PLACES[i] * length, knots[:, : n + 2])[0] for i in (0, 1)]
         steps = [self.rim @ y[i] - length * (cs.horzcat(*rates) @ RADAU[i]) for i in (0, 1)]
-        kmh = 3.6 * (y[1][1] + cs.DM(self.mean) @ y[1][2 : 2 + n])
-        limits = [between_knots(kmh[j], knots[:, n + 2 + j], ramp) for j in range(m)]
-        asked = cs.dot(self.per_torque, u) / self.asked[1].max()
+        middle = 0.75 * y[0] + 0.25 * y[1]
+        kmh = 3.6 * (middle[1] + cs.DM(self.mean) @ middle[2 : 2 + n])
+        limits = [through_knots(kmh[j], knots[:, n + 2 + j]) for j in range(m)]
+        total = cs.dot(self.per_torque, u) / self.demand[1].max()
         g = cs.vertcat(
-            *[step / scale for step in steps], asked, (u - cs.vertcat(*limits)) / self.top
+            *[step / scale for step in steps], total, (u - cs.vertcat(*limits)) / self.top
         )
         dual = cs.SX.sym("dual", g.numel())
         slopes, curvature = cs.jacobian(g, z), cs.triu(cs.hessian(cs.dot(dual, g), z)[0])
@@ -208,7 +210,7 @@ class EventProblem:
             raise InputError(f"{bounded} = {value!r}: give a finite number above 0")
         n, m, K, scale, d = self.n, self.m, self.K, self.scale, self.scale.size
         low, high = np.full((2, 2 * d + m, K), np.inf)
-        low[: 2 * d], low[2 * d :], high[2 * d :] = -np.inf, 0.0, self.asked[0] / self.top
+        low[: 2 * d], low[2 * d :], high[2 * d :] = -np.inf, 0.0, self.demand[0] / self.top
         for point in (0, d):
             slips, torques = np.split(np.arange(point + 2, point + d - 1), [n])
             low[slips], high[slips] = SLIPS
@@ -220,7 +222,7 @@ class EventProblem:
             high[2 * d - 1, -1] = value / scale[-1]
         least, most = np.zeros((2, 2 * d + 1 + m, K))
         least[: 2 * d, 0] = most[: 2 * d, 0] = np.tile(self.rim @ self.begin / scale, 2)
-        least[2 * d :], most[2 * d] = -np.inf, self.asked[1] / self.asked[1].max()
+        least[2 * d :], most[2 * d] = -np.inf, self.demand[1] / self.demand[1].max()
         lbx, ubx, lbg, ubg = (bound.ravel("F") for bound in (low, high, least, most))
         where, states = (
             f"event {self.event.name!r}, {bounded} = {value:g}",

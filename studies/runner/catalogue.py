@@ -31,6 +31,7 @@ STUDIES = (
     "jph07322414",
     "measured",
     "solvers",
+    "optimum",
 )
 
 
