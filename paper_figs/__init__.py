@@ -16,7 +16,7 @@ from studies import StudyError
 from studies.files.toml_keys import suggest_name
 
 MODULES = (
-    "methods", "model", "event", "sharing", "solvers",
+    "methods", "model", "event", "sharing", "limits_sizes", "solvers",
     "jp5484215", "jp4209318", "rtri", "readhesion_paper", "jph07322414",
 )  # fmt: skip
 

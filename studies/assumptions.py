@@ -6,7 +6,7 @@ against none, and the MPC against a search by perturb and observe.
 
 from collections.abc import Callable
 from functools import reduce
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -18,8 +18,11 @@ from studies import run_cell
 from studies.files.scenario import Scenario
 from studies.population import population
 from studies.population.draws import Keys
-from studies.runner.study import Cell, Row, Study
+from studies.runner.study import WIDE, Cell, Row, Study
 from studies.statistics import Interval, mean
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PAIRS = [(rule, name) for name in ("perturb-observe", "mpc") for rule in ("alone", "cooperative")]
 AS_DRAWN = "as drawn"
@@ -53,6 +56,10 @@ WITHOUT: dict[str, Callable[[Keys], Keys]] = {
     "true speed": lambda s: s | {"onboard": s["onboard"] | {"reference": {"source": "truth"}}},
 }  # fmt: skip
 """Effects of the plant and of the signals that are left out."""
+LARGEST = 14
+"""How many changes a figure shows."""
+LOOKS = {" × 0.5": (-0.2, "#0072b2"), " × 2": (0.2, "#d55e00"), "": (0.0, "0.55")}
+"""Ending of a change's name: where its bar stands in its row, and its colour."""
 
 
 def list_changes() -> list[str]:
@@ -115,8 +122,8 @@ def run(scenario: Scenario, rule: str, controller: str, k: int) -> Row:
     return {"bound_use": metrics["bound_use"]}
 
 
-def table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Under each change what sharing gains, and what the MPC gains, as means with intervals; which orders turn."""
+def _find_gains(rows: pd.DataFrame) -> pd.DataFrame:
+    """What is watched, by change and event [points]."""
     good = rows[rows["status"] == "ok"]
     used = 100.0 * good.pivot(
         index=["change", "scenario"], columns=["rule", "controller"], values="bound_use"
@@ -126,14 +133,47 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
         for _, controller in PAIRS[::2]
     }
     gains["MPC over the search, alone"] = used["alone", "mpc"] - used["alone", "perturb-observe"]
+    return pd.DataFrame(gains)
+
+
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Under each change what sharing gains, and what the MPC gains, as means with intervals; which orders turn."""
+    gains = _find_gains(rows)
     lines, base = [], {kind: mean(gain.loc[AS_DRAWN]) for kind, gain in gains.items()}
-    for name in [name for name in list_changes() if name in used.index]:
-        line: Row = {"change": name, "events": len(used.loc[name])}
+    for name in [name for name in list_changes() if name in gains.index]:
+        line: Row = {"change": name, "events": len(gains.loc[name])}
         numbers = {kind: mean(gain.loc[name].dropna()) for kind, gain in gains.items()}
-        line |= {kind: number.text(2, sign=True) for kind, number in numbers.items()}
-        turned = [kind for kind, number in numbers.items() if _sign(number) * _sign(base[kind]) < 0]
+        line |= {str(kind): number.text(2, sign=True) for kind, number in numbers.items()}
+        turned = [str(k) for k, number in numbers.items() if _sign(number) * _sign(base[k]) < 0]
         lines.append(line | {"turns": "; ".join(turned) or "–"})
     return pd.DataFrame(lines)
+
+
+def figure(rows: pd.DataFrame) -> "Figure":
+    """By how much a gain moves under the changes that move one most, over the events that they reach."""
+    from matplotlib.figure import Figure
+
+    gains = _find_gains(rows)
+    moves = gains.drop(AS_DRAWN, level=0).sub(gains.loc[AS_DRAWN], level="scenario")
+    largest = moves.groupby("change").mean().abs().max(axis=1)
+    keys = largest.groupby(lambda name: name.split(" × ")[0]).max().nlargest(LARGEST).index
+    drawn = Figure(figsize=(WIDE, 0.9 + 0.17 * LARGEST), layout="constrained")
+    panels = drawn.subplots(1, len(gains.columns), sharey=True)
+    for axes, (kind, move) in zip(panels, moves.items(), strict=True):
+        for ending, (shift, colour) in LOOKS.items():
+            for j, name in enumerate(keys + ending):
+                if name in move.index:
+                    number = mean(move.loc[name].dropna())
+                    axes.barh(j + shift, number.value, 0.36, color=colour)
+                    axes.plot([number.low, number.high], [j + shift] * 2, color="0.2", linewidth=0.7)
+        axes.axvline(0.0, color="0.5", linewidth=0.8)
+        axes.set(title=kind, xlabel="change of the gain\n[points]")
+    panels[0].set_yticks(range(len(keys)), keys)
+    panels[0].invert_yaxis()
+    panels[0].set_ylabel("number or effect that is changed")
+    bars = [drawn.axes[0].barh(0.0, 0.0, color=colour) for _, colour in LOOKS.values()]
+    drawn.legend(bars, ["halved", "doubled", "left out"], loc="outside upper right", ncols=3)
+    return drawn
 
 
 def _sign(number: Interval) -> int:
@@ -142,4 +182,4 @@ def _sign(number: Interval) -> int:
 
 
 QUESTION = "Which orders of rules and controllers turn where a number or an effect is changed?"
-STUDY = Study("assumptions", QUESTION, cells, run, table, events=60, seed=population.SEED)
+STUDY = Study("assumptions", QUESTION, cells, run, table, figure, events=60, seed=population.SEED)
