@@ -165,7 +165,7 @@ def draw_search() -> Figure:
         panels = drawn.subplots(2, 2, sharex="col", height_ratios=(1.3, 1.0))
         (slips, close), (elasticity, torques) = panels
         for axes in (slips, close):
-            axes.plot(time, memory.sought, color=SOUGHT, linewidth=2.4, label="slip sought")
+            axes.plot(time, memory.sought, color=SOUGHT, linewidth=2.4, label="target slip")
             axes.plot(time, slip, label="slip", **look)
             axes.plot(time, peak, label="slip of the peak", **DASHED)
             axes.set(ylim=(0.0, 0.24), ylabel="slip [m/s]")

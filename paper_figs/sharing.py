@@ -226,6 +226,7 @@ FIGURES = {
         "Wheel damage above the least with which 20 starts could reach the same end speed, summed: most is dissipated while "
         "an axle is beyond the peak of its curve, little by the split among units.",
         study="optimum",
+    ),
     "assumptions": Drawing(
         study_figure("assumptions"),
         "By how much the gain of cooperative sharing and the lead of the MPC move where an assumed number is halved or "
