@@ -19,7 +19,9 @@ def read_sizes() -> list[tuple[str, list[float]]]:
     _, _, *lines = TABLE.read_text("utf-8").splitlines()
     rows = [line.strip("| ").split(" | ") for line in lines]
     sizes = [(name, size.replace("\N{MINUS SIGN}", "-")) for name, size, *_ in rows]
-    found = [(name.replace("`", ""), [float(x) for x in NUMBER.findall(size)]) for name, size in sizes]
+    found = [
+        (name.replace("`", ""), [float(x) for x in NUMBER.findall(size)]) for name, size in sizes
+    ]
     return sorted(found, key=lambda size: size[1][0])
 
 
@@ -38,7 +40,10 @@ def draw_limits_sizes() -> Figure:
     ticks = [-30, -10, -3, -1, 0, 1]
     axes.set_xticks(ticks, [f"{tick}".replace("-", "\N{MINUS SIGN}") for tick in ticks])
     axes.set_yticks(np.arange(len(sizes)), [name for name, _ in sizes])
-    axes.set(xlabel="effect on the bound used [points]", ylabel="limit of a rule, a controller or the model")
+    axes.set(
+        xlabel="effect on the bound used [points]",
+        ylabel="limit of a rule, a controller or the model",
+    )
     axes.invert_yaxis()
     return drawn
 

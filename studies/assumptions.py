@@ -165,7 +165,9 @@ def figure(rows: pd.DataFrame) -> "Figure":
                 if name in move.index:
                     number = mean(move.loc[name].dropna())
                     axes.barh(j + shift, number.value, 0.36, color=colour)
-                    axes.plot([number.low, number.high], [j + shift] * 2, color="0.2", linewidth=0.7)
+                    axes.plot(
+                        [number.low, number.high], [j + shift] * 2, color="0.2", linewidth=0.7
+                    )
         axes.axvline(0.0, color="0.5", linewidth=0.8)
         axes.set(title=kind, xlabel="change of the gain\n[points]")
     panels[0].set_yticks(range(len(keys)), keys)
