@@ -51,7 +51,7 @@ def draw_limits_sizes() -> Figure:
 FIGURES = {
     "limits-sizes": Drawing(
         draw_limits_sizes,
-        "What the limits of rules, controllers and model cost or gain: circles are means with 95 % intervals, crosses single "
-        "events, the grey band is what cooperative sharing gains on the mean under the MPC.",
+        "What the limits of rules, controllers and model cost: circles are means with 95 % intervals, crosses single events, "
+        "the grey band is what cooperative sharing gains on the mean under the MPC.",
     )
 }
