@@ -173,8 +173,10 @@ def figure(rows: pd.DataFrame) -> "Figure":
     panels[0].set_yticks(range(len(keys)), keys)
     panels[0].invert_yaxis()
     panels[0].set_ylabel("number or effect that is changed")
-    bars = [drawn.axes[0].barh(0.0, 0.0, color=colour) for _, colour in LOOKS.values()]
-    drawn.legend(bars, ["halved", "doubled", "left out"], loc="outside upper right", ncols=3)
+    bars = [panels[0].barh(0.0, 0.0, color=colour).patches[0] for _, colour in LOOKS.values()]
+    drawn.legend(
+        bars, ["halved", "doubled", "left out or replaced"], loc="outside upper right", ncols=3
+    )
     return drawn
 
 

@@ -63,6 +63,13 @@ def test_names_differ():
     assert sum(len(module.FIGURES) for module in modules) == len(FIGURES)
 
 
+def test_the_sizes_of_limits_are_sorted_and_lie_in_their_intervals():
+    """The page says so, and the figure draws the rows as they stand."""
+    sizes = list(import_module("paper_figs.limits_sizes").read_sizes().values())
+    assert [value for value, *_ in sizes] == sorted(value for value, *_ in sizes)
+    assert all(low <= value <= high for value, low, high in (one for one in sizes if len(one) > 1))
+
+
 def test_figures_of_a_comparison():
     """They draw what there is: a rule that fails in an event, a controller without some rules."""
     random = np.random.default_rng(1)
