@@ -1,16 +1,18 @@
 """Figures of the papers, by topic and by source, over one style."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 
 import matplotlib as mpl
 import pandas as pd
+from matplotlib import style as styles
 from matplotlib.figure import Figure
 
 from alloc.files import write_whole
+from paper_figs.figure_data import tabulate_figure
 from paper_figs.style import Drawing
 from studies import StudyError
 from studies.files.toml_keys import suggest_name
@@ -45,9 +47,23 @@ def chosen_figures(names: Sequence[str], source: str | None) -> dict[str, Drawin
     }
 
 
-def apply_style() -> AbstractContextManager[None]:
-    """A context in which figures have the style of the papers."""
-    return mpl.rc_context(fname=str(Path(__file__).with_name("readhesion.mplstyle")))
+def find_missing(figures: dict[str, Drawing], results: Path) -> list[str]:
+    """Studies whose rows these figures show and `results` does not have."""
+    studies = sorted({drawing.study for drawing in figures.values() if drawing.study})
+    return [study for study in studies if not (results / study / "rows.parquet").is_file()]
+
+
+@contextmanager
+def apply_style(style: str = "") -> Iterator[None]:
+    """A context in which figures have the style of the papers, and over it that of a Matplotlib style file.
+
+    `style`: a file, or a name, of this folder such as "latex" or of Matplotlib. Raises `OSError` where there is none.
+    """
+    with mpl.rc_context(fname=str(Path(__file__).with_name("readhesion.mplstyle"))):
+        if style:
+            shipped = Path(__file__).with_name(f"{style}.mplstyle")
+            styles.use(shipped if shipped.is_file() else style)
+        yield
 
 
 def save(draw: Callable[[], Figure], path: Path) -> None:
@@ -56,16 +72,34 @@ def save(draw: Callable[[], Figure], path: Path) -> None:
         write_whole(path, draw().savefig)
 
 
-def draw(figures: dict[str, Drawing], results: Path, out: Path, kind: str) -> Iterator[Path]:
-    """Draw figures into a folder, each with its caption as text beside it; their files as they are written.
+def draw(
+    figures: dict[str, Drawing],
+    results: Path,
+    out: Path,
+    kind: str,
+    style: str = "",
+    width: float | None = None,
+) -> Iterator[Path]:
+    """Draw figures into a folder, each with its caption and its data beside it; their files as they are written.
 
-    `results` has the rows of the studies that figures show, as a sweep writes them.
+    `results` has the rows of the studies that figures show, as a sweep writes them; `style`: see `apply_style`; `width`: of
+    all [in], with heights in proportion.
     """
     out.mkdir(parents=True, exist_ok=True)
     for name, drawing in figures.items():
         path = out / f"{name}.{kind}"
         rows = [pd.read_parquet(results / drawing.study / "rows.parquet")] if drawing.study else []
-        save(partial(drawing.draw, *rows), path)
+        with apply_style(style):
+            figure = drawing.draw(*rows)
+            if width is not None:
+                figure.set_size_inches(
+                    width, figure.get_figheight() * width / figure.get_figwidth()
+                )
+            write_whole(path, figure.savefig)
+            data = tabulate_figure(figure)
         caption = partial(Path.write_text, data=f"{drawing.caption}\n", encoding="utf-8")
         write_whole(path.with_suffix(".txt"), caption)
+        if len(data):
+            write_data = partial(data.to_csv, index=False, float_format="%.6g")
+            write_whole(path.with_suffix(".csv"), write_data)
         yield path

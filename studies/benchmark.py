@@ -7,7 +7,6 @@ theirs at other values. The rows are stored in the repository, so that a new par
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +22,8 @@ from studies import StudyError, run_cell, standing
 from studies.files.scenario import Scenario
 from studies.population import population
 from studies.runner.plugins import load_plugins, try_own_parts
-from studies.runner.row_key import LIBRARIES, hash_sources
+from studies.runner.provenance import describe_origin
+from studies.runner.row_key import hash_sources
 from studies.runner.study import WIDE, Cell, Row, Study
 from studies.standing import DISTRIBUTION, EFFORT, GAIN, Columns, Statistic
 from studies.statistics import (
@@ -138,7 +138,7 @@ def store_rows(rows: pd.DataFrame, path: Path) -> None:
     parts = ["scenario", "seed", "rule", "controller", "knob", *population.STRATA]
     types = {"knob": float} | dict.fromkeys(METRICS_STORED, "float32")
     small = rows[[*parts, *METRICS_STORED, "status"]].astype(types)
-    small.attrs = {"sources": hash_sources(run), **{name: version(name) for name in LIBRARIES}}
+    small.attrs = {"sources": hash_sources(run), **describe_origin()}
     write_whole(path, partial(small.to_parquet, index=False, compression="zstd"))
 
 

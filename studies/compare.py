@@ -15,6 +15,7 @@ from studies import StudyError
 from studies.files.scenario import Scenario
 from studies.files.scenario_files import default_scenarios
 from studies.run_cell import cell, run
+from studies.runner.provenance import describe_origin
 from studies.runner.study import WIDE, Cell, Row, Study
 from studies.standing import (
     DISTRIBUTION,
@@ -277,7 +278,11 @@ def export_comparison(rows: pd.DataFrame) -> dict[str, Any]:
         )
     standings = rank_rules(rows)
     return {
-        "about": {"runs": len(rows), "answer": summarise_standings(standings).splitlines()},
+        "about": {
+            "runs": len(rows),
+            "answer": summarise_standings(standings).splitlines(),
+            **describe_origin(),
+        },
         "metrics": {
             name: {"unit": METRICS[name].unit, "description": METRICS[name].description}
             for name in names

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
+from studies.runner.provenance import find_commit
+
 
 class Citation:
     """A publication, by an entry of the file: one field a line, in braces, and no other braces."""
@@ -35,9 +37,14 @@ class Citation:
             return f"https://doi.org/{self.fields['doi']}"
         return f"https://arxiv.org/abs/{self.fields['eprint']}" if "eprint" in self.fields else ""
 
+    @property
+    def text(self) -> str:
+        """Reference and address in one line."""
+        return f"{self.reference} {self.address}".strip()
+
 
 _TEXT = Path(__file__).with_suffix(".bib").read_text("utf-8")
-_TEXT = _TEXT.replace("VERSION", version("readhesion"))
+_TEXT = _TEXT.replace("VERSION", version("readhesion")).replace("COMMIT", find_commit() or "–")
 CITATIONS = tuple(map(Citation, re.split(r"^(?=@)", _TEXT, flags=re.MULTILINE)[1:]))
 """In the order of the file."""
 

@@ -33,6 +33,7 @@ from studies.command.options import (
     Names,
     Seed,
     Sweep,
+    Width,
     Work,
     check_file,
 )
@@ -299,6 +300,7 @@ def rank(
         events: Number of events, the first [default: all 500].
     """
     from studies import benchmark as bench
+    from studies.runner.provenance import describe_origin
 
     tables_of_parts = {}
     for pair in bench.find_pairs(part, under):
@@ -310,7 +312,7 @@ def rank(
         if not tables:
             return _report_failure(study, rows)
         if work.as_json:
-            tables_of_parts[bench.compared_parts(*pair)[0]] = tables
+            tables_of_parts[bench.compared_parts(*pair)[0]] = {**tables, "about": describe_origin()}
         else:
             print("\n".join(bench.format_rank(pair, tables)))
             print(f"{_count_rows(rows)} in {work.out / study.name}")
@@ -327,8 +329,8 @@ def _print_answer(
     study: "Study", folder: Path, events: int | None, seed: int | None, work: Sweep
 ) -> int:
     """Run a study and print its tables; the exit code."""
-    from studies.runner.rows import markdown_table
-    from studies.statistics import shorten_statements
+    from studies.runner.provenance import describe_origin
+    from studies.runner.study import format_tables
 
     results = _run_study(study, folder, work, events, seed)
     if results is None:
@@ -337,13 +339,9 @@ def _print_answer(
     if not tables:
         return _report_failure(study, rows)
     if work.as_json:
-        _print_json(tables)
+        _print_json({**tables, "about": describe_origin()})
     else:
-        shown = [
-            shorten_statements(table) if name == "statements" else table
-            for name, table in tables.items()
-        ]
-        print("\n".join([study.question, "", *map(markdown_table, shown)]))
+        print("\n".join([study.question, "", *format_tables(tables, work.kind)]))
         written = "tables and figure" if study.figure else "tables"
         print(f"{_count_rows(rows)}, {written} in {folder}")
     return 0
@@ -361,9 +359,11 @@ def figures(
     results: Path = Path("results"),
     out: Path = Path("figures"),
     kind: Annotated[Literal["pdf", "png", "svg"], Parameter("--format")] = "pdf",
+    style: str = "",
+    width: Width | None = None,
     work: Work = WORK,
 ) -> None:
-    """Draw the figures of the papers, each with its caption beside it.
+    """Draw the figures of the papers, each with its caption and its data (NAME.csv) beside it.
 
     A figure of a study shows the rows of its last sweep. Where there are none, the sweep is run for a
     figure that is asked for by name or source; among all figures it is left out.
@@ -374,29 +374,31 @@ def figures(
         results: Folder of the studies' rows.
         out: Folder for the figures.
         kind: Format of the files.
+        style: Matplotlib style over the project's: a file, or latex for the fonts of a paper in Times.
+        width: Width in inches [default: 3.5 or 7.16]; heights in proportion.
     """
     import paper_figs
     from studies.runner.catalogue import find_study
 
     chosen = paper_figs.chosen_figures(names, source)
-    for study in sorted({figure.study for figure in chosen.values() if figure.study}):
-        folder = results / study
-        if (folder / "rows.parquet").is_file():
-            continue
+    with paper_figs.apply_style(style):
+        pass  # a style that is none is refused before a sweep is run
+    for study in paper_figs.find_missing(chosen, results):
         if not names and source is None:
             command = study if study == "compare" else f"sweep {study}"
             print(f"left out, for there are no rows of readhesion {command}")
             chosen = {name: figure for name, figure in chosen.items() if figure.study != study}
         elif study == "compare":
-            raise StudyError(f"there are no rows in {folder}; run readhesion compare first")
+            raise StudyError(
+                f"there are no rows in {results / study}; run readhesion compare first"
+            )
         else:
-            if work.dry_run:
-                print(f"{study}: ", end="")
-            _run_study(find_study(study), folder, work)
+            print(end=f"{study}: " if work.dry_run else "")
+            _run_study(find_study(study), results / study, work)
     if work.dry_run:
         print(f"{len(chosen)} figures to draw")
         return
-    for path in paper_figs.draw(chosen, results, out, kind):
+    for path in paper_figs.draw(chosen, results, out, kind, style, width):
         _print_line(f"{path}: ", chosen[path.stem].caption)
 
 
@@ -520,8 +522,7 @@ def cite(*, as_bibtex: Annotated[Flag, Parameter("--bibtex")] = False) -> None:
     from studies.command.citations import CITATIONS
 
     for citation in CITATIONS:
-        reference = f"{citation.reference} {citation.address}".strip()
-        print(citation.bibtex if as_bibtex else reference)
+        print(citation.bibtex if as_bibtex else citation.text)
 
 
 # what commands share
@@ -531,26 +532,20 @@ def _run_study(
     study: "Study", folder: Path, work: Work, events: int | None = None, seed: int | None = None
 ) -> "tuple[pd.DataFrame, dict[str, pd.DataFrame]] | None":
     """The rows of a study and its tables, written with its figure; of a dry run None, and a forecast."""
-    from studies.runner.study import count_missing, run_study, write_results
+    from studies.runner.study import forecast_runs, run_study, write_results
     from studies.runner.workers import count_cores
 
     jobs = work.jobs or count_cores()
     if work.dry_run:
-        cells, lacking, seconds = count_missing(study, folder, events, seed)
-        forecast = ": no stored run says how long one takes" if lacking else ""
-        if lacking and seconds == seconds:
-            minutes, rest = divmod(round(lacking * seconds / jobs), 60)
-            forecast = f": about {minutes} min {rest} s in {jobs} processes"
-        print(f"{cells} runs, of which {lacking} are to be made{forecast}")
+        print(forecast_runs(study, folder, events, seed, jobs))
         return None
     workers = jobs, work.scheduler, work.retry_failed
     rows = run_study(study, folder, events, seed, *workers, quiet=False)
-    if study.figure is None:
-        return rows, write_results(study, rows, folder)
+    kind = work.kind if isinstance(work, Sweep) else "md"
     from paper_figs import apply_style
 
     with apply_style():
-        return rows, write_results(study, rows, folder)
+        return rows, write_results(study, rows, folder, kind)
 
 
 def _count_rows(rows: "pd.DataFrame") -> str:
@@ -586,17 +581,22 @@ def _print_messages(*messages: str) -> None:
 def launch(
     *tokens: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
     plugin: Annotated[list[Path] | None, Parameter(negative_iterable=())] = None,
+    verbose: Flag = False,
 ) -> Any:
     """Run a command, after loading plug-ins.
 
     Args:
+        verbose: Say what is compiled, which rows are there already and which are computed, and where a solver fails.
         plugin: Python file that registers rules, controllers, curves or metrics, or a train as TOML; may be given again.
     """
-    if plugin:
-        from studies.runner.plugins import load_plugins
+    from studies.runner.progress import print_progress
 
-        load_plugins(plugin)
-    return app(tokens, **RETURNING)
+    with print_progress(tokens[0] if tokens else app.name[0], verbose):
+        if plugin:
+            from studies.runner.plugins import load_plugins
+
+            load_plugins(plugin)
+        return app(tokens, **RETURNING)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

@@ -4,9 +4,10 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter, Token
+from cyclopts.validators import Number
 
 from studies import StudyError
 
@@ -48,6 +49,7 @@ def check_file(path: Path | None, *endings: str) -> None:
 Seed = Annotated[int, _whole_number(0, 2**31 - 1)]
 Count = Annotated[int, _whole_number(1, 1_000_000)]
 Jobs = Annotated[int, _whole_number(1, 16 * (os.cpu_count() or 1))]
+Width = Annotated[float, Parameter(validator=Number(gt=0.5, lt=50.0))]
 Names = Annotated[
     list[str] | None,
     Parameter(consume_multiple=True, negative_iterable=(), converter=_read_names),
@@ -78,6 +80,8 @@ class Sweep(Work):
 
     out: Path = Path("results")
     """Folder for rows, tables and figure."""
+    kind: Annotated[Literal["md", "tex"], Parameter("--format")] = "md"
+    """Format of tables: with tex they are written for LaTeX (booktabs) as well."""
     as_json: Json = False
     """Print JSON instead."""
 

@@ -21,7 +21,6 @@ from alloc.files import write_whole
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant import curves
 from alloc.rules import RULES
-from alloc.run.recording import list_versions
 from studies import StudyError, compare
 from studies.command.citations import Citation, find_uses
 from studies.compare import REFERENCE, Standing
@@ -29,6 +28,8 @@ from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario, shipped_names
 from studies.files.toml_keys import suggest_name
 from studies.run_cell import recorded
+from studies.runner.progress import show_progress
+from studies.runner.provenance import describe_origin
 from studies.standing import EFFORT
 
 SHOWN_EVENTS = 3
@@ -73,7 +74,7 @@ def write_report(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
         replays=replays,
         left_out=left_out,
         computed=pd.to_datetime(rows["batch"].max()).strftime("%d %B %Y, %H:%M UTC"),
-        provenance=list_versions(),
+        provenance=describe_origin(),
         sources=_cited_sources(places),
     )
     write_whole(out, partial(Path.write_text, data=text, encoding="utf-8"))
@@ -207,20 +208,25 @@ def _compute_replays(
     stored = good.set_index(["scenario", "controller", "rule"])[EFFORT].to_dict()
     replays: dict[str, Any] = {event.name: {"title": event.title, "runs": {}} for event in events}
     size, left_out = 0, 0
-    for rule, event, controller in product(rules, events, compare.group_by_controller(places)):
-        if (event.name, controller, rule) not in stored:
-            continue
-        if size > MOST_NUMBERS:
-            left_out += 1
-            continue
-        series = _replay_series(recorded(event, rule, controller, seeds[event.name]))
-        if abs(series["used"] - 100.0 * stored[event.name, controller, rule]) > 0.1:
-            fault = f"{event.name} under {rule} and {controller} is not as its stored row says"
-            raise StudyError(f"{fault}: sources changed; run readhesion compare again")
-        size += sum(array.size for array in series.values())
-        lists = {name: array.tolist() for name, array in series.items()}
-        shown = lists | {"colour": RULES[rule].colour}
-        replays[event.name]["runs"].setdefault(controller, {})[rule] = shown
+    cases = [
+        (rule, event, controller)
+        for rule, event, controller in product(rules, events, compare.group_by_controller(places))
+        if (event.name, controller, rule) in stored
+    ]
+    with show_progress("replays", len(cases), quiet=False) as advance:
+        for rule, event, controller in cases:
+            advance(1)
+            if size > MOST_NUMBERS:
+                left_out += 1
+                continue
+            series = _replay_series(recorded(event, rule, controller, seeds[event.name]))
+            if abs(series["used"] - 100.0 * stored[event.name, controller, rule]) > 0.1:
+                fault = f"{event.name} under {rule} and {controller} is not as its stored row says"
+                raise StudyError(f"{fault}: sources changed; run readhesion compare again")
+            size += sum(array.size for array in series.values())
+            lists = {name: array.tolist() for name, array in series.items()}
+            shown = lists | {"colour": RULES[rule].colour}
+            replays[event.name]["runs"].setdefault(controller, {})[rule] = shown
     return {name: replay for name, replay in replays.items() if replay["runs"]}, left_out
 
 

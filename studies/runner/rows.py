@@ -5,8 +5,9 @@ file behind the other.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from pandas.api.types import is_float
 
 from alloc.files import write_whole
 from studies import StudyError
+from studies.runner.provenance import describe_origin, origin_line
 from studies.runner.row_key import ROWS
 
 Row = dict[str, Any]
@@ -45,6 +47,15 @@ def append_rows(folder: str | Path, cells: Mapping[str, list[Row]]) -> None:
         ]
         text = json.dumps({"cell": key, "rows": strict}, default=lambda number: number.tolist())
         lines.append(f"{text}\n")
+    _append_lines(folder, lines)
+
+
+def append_origin(folder: str | Path) -> None:
+    """Add a line that says what computes the rows below it; readers of rows pass it over."""
+    _append_lines(folder, [f"{json.dumps({'origin': describe_origin()})}\n"])
+
+
+def _append_lines(folder: str | Path, lines: list[str]) -> None:
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
         with open(Path(folder) / ROWS, "ab+") as file:
@@ -57,32 +68,67 @@ def append_rows(folder: str | Path, cells: Mapping[str, list[Row]]) -> None:
         raise StudyError(fault) from None
 
 
-def write_table(
-    table: pd.DataFrame, path: str | Path, for_people: pd.DataFrame | None = None
-) -> None:
-    """The table as .parquet, .csv and .md (`for_people`) beside each other; `path` is without ending."""
+COMMENTS = {"md": "\n<!-- {} -->\n", "tex": "% {}\n"}
+
+
+def write_table(table: pd.DataFrame, path: str | Path, texts: Mapping[str, str]) -> None:
+    """The table as .parquet, .csv, and as `texts` by their endings, which say in a comment what computed it; `path` has no
+    ending."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     plain = table.copy()
-    plain.attrs = {}
-    shown = markdown_table(plain if for_people is None else for_people)
-    for ending, write in (
-        (".parquet", lambda aside: plain.to_parquet(aside, index=False)),
-        (".csv", lambda aside: plain.to_csv(aside, index=False)),
-        (".md", lambda aside: aside.write_text(shown, "utf-8")),
-    ):
-        write_whole(path.with_name(path.name + ending), write)
+    plain.attrs = dict(describe_origin())
+    writers: dict[str, Callable[[Path], object]] = {
+        "parquet": lambda aside: plain.to_parquet(aside, index=False),
+        "csv": lambda aside: plain.to_csv(aside, index=False),
+    }
+    for ending, text in texts.items():
+        data = text + COMMENTS[ending].format(origin_line())
+        writers[ending] = partial(Path.write_text, data=data, encoding="utf-8")
+    for ending, write in writers.items():
+        write_whole(path.with_name(f"{path.name}.{ending}"), write)
 
 
 def markdown_table(table: pd.DataFrame) -> str:
     """A table of GitHub's Markdown; columns of numbers are flush right."""
+    head, *body = [[text.replace("|", "\\|") for text in row] for row in _format_rows(table)]
+    rule = ["--:" if is_number else "---" for is_number in _find_numbers(table)]
+    return "".join(f"| {' | '.join(row)} |\n" for row in (head, rule, *body))
+
+
+LATEX = {
+    "\\": r"\textbackslash{}", **{x: f"\\{x}" for x in "&%$#_{}"}, "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}", "[": "{[}", "*": "{*}", "<": "$<$", ">": "$>$", "|": "$|$", "\N{MINUS SIGN}": "$-$",
+    "–": "--", "±": r"$\pm$",
+    "×": r"$\times$", "≥": r"$\geq$", "≤": r"$\leq$", "²": "$^2$", "³": "$^3$", "°": r"$^\circ$", "‰": r"\textperthousand{}",
+    "†": r"$\dagger$", "µ": r"$\mu$", "σ": r"$\sigma$", "ρ": r"$\rho$", "θ": r"$\theta$",
+}  # fmt: skip
+"""What plain LaTeX sets otherwise or does not know, and what behind the end of a row would belong to that."""
+
+
+def latex_table(table: pd.DataFrame) -> str:
+    """A table of LaTeX's package booktabs; columns of numbers are flush right."""
+    escapes = str.maketrans(LATEX)
+    rows = [[text.translate(escapes) for text in row] for row in _format_rows(table)]
+    head, *body = [f"{' & '.join(row)} \\\\\n" for row in rows]
+    columns = "".join("r" if is_number else "l" for is_number in _find_numbers(table))
+    inner = f"\\toprule\n{head}\\midrule\n{''.join(body)}\\bottomrule\n"
+    return f"\\begin{{tabular}}{{{columns}}}\n{inner}\\end{{tabular}}\n"
+
+
+def _find_numbers(table: pd.DataFrame) -> list[bool]:
+    """Which columns are numbers."""
+    return [table[name].dtype.kind in "fiu" for name in table]
+
+
+def _format_rows(table: pd.DataFrame) -> Iterator[list[str]]:
+    """Heads and entries as texts."""
 
     def format_entry(value: Any) -> str:
         if isinstance(value, float):
             return "" if np.isnan(value) else f"{value:.3f}"
-        return str(value).replace("|", "\\|")
+        return str(value)
 
-    right = ["--:" if table[name].dtype.kind in "fiu" else "---" for name in table]
-    body = [map(format_entry, row) for row in table.itertuples(index=False)]
-    head = [str(name) for name in table]
-    return "".join(f"| {' | '.join(row)} |\n" for row in (head, right, *body))
+    yield [str(name) for name in table]
+    for row in table.itertuples(index=False):
+        yield [format_entry(value) for value in row]

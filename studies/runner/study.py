@@ -5,8 +5,8 @@ rows. A cell is known by what decides its rows, see `studies.runner.row_key`; wh
 """
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,8 +17,19 @@ import pandas as pd
 from alloc.files import write_whole
 from studies import StudyError
 from studies.runner.plugins import ASKED, slow
+from studies.runner.progress import LOG, show_progress
+from studies.runner.provenance import describe_origin
 from studies.runner.row_key import hash_cell, read_anew
-from studies.runner.rows import BOOKKEEPING, Row, append_rows, read_rows, write_table
+from studies.runner.rows import (
+    BOOKKEEPING,
+    Row,
+    append_origin,
+    append_rows,
+    latex_table,
+    markdown_table,
+    read_rows,
+    write_table,
+)
 from studies.runner.workers import compute_rows
 from studies.statistics import Statement, shorten_statements, statement_table
 
@@ -99,20 +110,30 @@ def run_study(
         for key in [key for key, rows in stored.items() if rows and rows[0]["status"] == "failed"]:
             del stored[key]
     left = [(key, cell) for key, cell in cells.items() if key not in stored]
+    kept = len(cells) - len(left)
+    LOG.info("%s: %d runs, of which %s has %d", study.name, len(cells), folder, kept)
     if slowed := [cell for _, cell in left if cell.columns.get("rule") in slow]:
         spent = sum(slow[cell.columns["rule"]] * ASKED * cell.args[0].duration_s for cell in slowed)
         forecast = f"these {len(left)} runs take about {spent / 60.0 / jobs:.1f} min"
         print(f"readhesion: {forecast}", file=sys.stderr)
     if left:
-        with (
-            show_progress(study.name, len(cells), quiet) as advance,
-            closing(compute_rows(study.run, left, jobs, scheduler)) as batches,
-        ):
-            advance(len(cells) - len(left))
-            for batch in batches:
-                append_rows(folder, batch)
-                stored |= batch
-                advance(len(batch))
+        append_origin(folder)
+        try:
+            with (
+                show_progress(study.name, len(cells), quiet) as advance,
+                closing(compute_rows(study.run, left, jobs, scheduler)) as batches,
+            ):
+                advance(kept)
+                for batch in batches:
+                    append_rows(folder, batch)
+                    _log_rows((cells[key].name, row) for key, rows in batch.items() for row in rows)
+                    stored |= batch
+                    advance(len(batch))
+        except KeyboardInterrupt as stopped:
+            if finished := len({*cells} & {*stored}):
+                total = f"{finished} of {len(cells)}"
+                stopped.add_note(f"finished rows are kept, {total}; the same command goes on")
+            raise
     table = []
     for key, cell in cells.items():
         # as the cell is labelled now: a label may have changed since the rows were computed
@@ -122,47 +143,52 @@ def run_study(
     return pd.DataFrame(table) if table else pd.DataFrame(columns=list(BOOKKEEPING))
 
 
-@contextmanager
-def show_progress(name: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """A bar at a terminal, which a number of cells advances; a program that is stopped says that rows are kept."""
-    from rich.console import Console
-    from rich.progress import MofNCompleteColumn, Progress
-
-    console, columns = Console(stderr=True), (*Progress.get_default_columns(), MofNCompleteColumn())
-    off = quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=off) as bar:
-        task = bar.add_task(f"{name} (compiles at first)", total=total)
-        try:
-            yield lambda cells: bar.advance(task, cells)
-        except KeyboardInterrupt as stopped:
-            if finished := round(bar.tasks[0].completed):
-                stopped.add_note(
-                    f"finished rows are kept, {finished} of {total}; the same command goes on"
-                )
-            raise
+def _log_rows(rows: Iterable[tuple[str, Row]]) -> None:
+    """A line for each row: how long it took, and what failed in it."""
+    for name, row in rows:
+        LOG.info("%s: %s in %.2f s %s", name, row["status"], row["wall_time"], row["reason"])
+        for part in ("rule", "controller"):
+            if failures := row.get(f"{part}_failures"):
+                LOG.info("%s: the solver of the %s failed %d times", name, part, failures)
 
 
-def count_missing(
-    study: Study, folder: str | Path, events: int | None, seed: int | None
-) -> tuple[int, int, float]:
-    """Number of a study's cells, of those that `folder` lacks, and mean seconds of a stored row (nan without any)."""
+def forecast_runs(
+    study: Study, folder: str | Path, events: int | None, seed: int | None, jobs: int
+) -> str:
+    """How many cells a study has, how many of them `folder` lacks, and how long these take in so many processes."""
     cells, stored = study.keyed_cells(events, seed), read_rows(folder)
+    lacking = len(set(cells) - set(stored))
     spent = [row["wall_time"] for rows in stored.values() for row in rows]
-    return len(cells), len(set(cells) - set(stored)), float(np.mean(spent)) if spent else np.nan
+    forecast = ": no stored run says how long one takes" if lacking else ""
+    if lacking and spent:
+        minutes, rest = divmod(round(lacking * float(np.mean(spent)) / jobs), 60)
+        forecast = f": about {minutes} min {rest} s in {jobs} processes"
+    return f"{len(cells)} runs, of which {lacking} are to be made{forecast}"
 
 
-def write_results(study: Study, rows: pd.DataFrame, folder: str | Path) -> dict[str, pd.DataFrame]:
+def write_results(
+    study: Study, rows: pd.DataFrame, folder: str | Path, kind: str = "md"
+) -> dict[str, pd.DataFrame]:
     """Write the rows of a run as `rows.parquet`, and what the study makes of them: its tables, which are returned, and
-    figure.pdf; nothing where all runs failed."""
-    folder = Path(folder)
-    write_whole(folder / "rows.parquet", lambda aside: rows.to_parquet(aside, index=False))
+    figure.pdf; nothing where all runs failed. `kind`: "tex" for tables in LaTeX beside the others."""
+    folder, stored = Path(folder), rows.copy(deep=False)
+    stored.attrs = dict(describe_origin())
+    write_whole(folder / "rows.parquet", lambda aside: stored.to_parquet(aside, index=False))
     if not (rows["status"] == "ok").any():
         return {}
     tables = study.make_tables(rows)
     for name, table in tables.items():
-        write_table(
-            table, folder / name, shorten_statements(table) if name == "statements" else None
-        )
+        texts = {ending: format_tables({name: table}, ending)[0] for ending in {"md", kind}}
+        write_table(table, folder / name, texts)
     if study.figure is not None:
         write_whole(folder / "figure.pdf", study.figure(rows).savefig)
     return tables
+
+
+def format_tables(tables: Mapping[str, pd.DataFrame], kind: str) -> list[str]:
+    """Tables for people, in Markdown ("md") or LaTeX ("tex"); statements are shortened."""
+    write = latex_table if kind == "tex" else markdown_table
+    return [
+        write(shorten_statements(table) if name == "statements" else table)
+        for name, table in tables.items()
+    ]
