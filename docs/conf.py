@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from alloc.onboard.columns import TABLES as KNOWN
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant.columns import TABLES as TRUE
+from paper_figs import all_figures
 
 project = html_title = "readhesion"
 version = release = installed_version("readhesion")
@@ -26,6 +27,7 @@ html_math_renderer = "mathml"
 html_show_copyright = html_show_sourcelink = html_copy_source = False
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
+exclude_patterns = ["paper", "pull_request_template.md"]
 suppress_warnings = ["toc.not_included"]  # of stored tables, which pages include and link to
 myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]
@@ -88,9 +90,20 @@ def list_quantities(app: Sphinx, page: str, source: list[str]) -> None:
             source[0] += head + "\n".join(rows) + "\n"
 
 
+def list_pictures(app: Sphinx, page: str, source: list[str]) -> None:
+    """Add the stored pictures to the page of the gallery, each with its caption and the command that draws it."""
+    for name, figure in all_figures().items() if page == "gallery" else ():
+        path = f"../paper_figs/gallery/{name}.png"
+        if Path(app.srcdir, path).is_file():
+            caption = figure.caption.replace("|", "\\|")
+            picture = f"[![{name}]({path})]({path})"
+            source[0] += f"| {picture} | {caption} | `readhesion figures {name}` |\n"
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Equations as MathML, docstrings and types as they are meant."""
     app.connect("source-read", list_quantities)
+    app.connect("source-read", list_pictures)
     app.connect("autodoc-process-docstring", escape_bars)
     app.connect("object-description-transform", shorten_types)
     written = visit_math, None

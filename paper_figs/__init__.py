@@ -61,7 +61,7 @@ def apply_style(style: str = "") -> Iterator[None]:
     """
     with mpl.rc_context(fname=str(Path(__file__).with_name("readhesion.mplstyle"))):
         if style:
-            shipped = Path(__file__).with_name(f"{style}.mplstyle")
+            shipped = Path(__file__).parent / f"{style}.mplstyle"
             styles.use(shipped if shipped.is_file() else style)
         yield
 

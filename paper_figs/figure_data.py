@@ -1,6 +1,6 @@
 """The data that a figure shows, as a table: read from what is drawn, so that no figure has to give it a second time."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedFormatter
 
 NEAR = 0.03
 """Of the figure's size: panels whose ends differ by less stand in one row or column, where one label is enough."""
@@ -24,24 +23,28 @@ def tabulate_figure(figure: Figure) -> pd.DataFrame:
     stands at the axis in place of a number. A column is left out where nothing is in it.
     """
     artists: list[Any] = [artist for axes in figure.axes for artist in axes.get_children()]
-    bars = [artist.colorbar.ax for artist in artists if getattr(artist, "colorbar", None)]
-    panels = [axes for axes in figure.axes if axes.axison and axes not in bars]
-    legend = {_find_look(artist): label for artist in artists if (label := _find_label(artist))}
+    mapped = [artist for artist in artists if getattr(artist, "colorbar", None)]
+    bars = {artist.norm: artist.colorbar.ax for artist in mapped}  # images may share one
+    panels = [axes for axes in figure.axes if axes.axison and axes not in bars.values()]
+    lines = [line for axes in panels for line in axes.lines if _find_label(line)]
+    legend = {_find_look(line): _find_label(line) for line in lines}
     tables = []
     for number, axes in enumerate(panels, 1):
         axis_of = {side: _describe_axis(axes, panels, side) for side in ("x", "y")}
         for kind, artist, label, pieces in _list_pieces(axes):
-            bar = getattr(artist, "colorbar", None)
-            for piece, points in enumerate(pieces, 1):
-                table = pd.DataFrame(points, columns=["x", "y", "value"][: points.shape[1]])
-                table = table.dropna(subset=["x", "y"], how="all").drop_duplicates()
-                table["value_axis"] = bar.ax.get_ylabel() if bar else ""
-                for side, (axis, names) in axis_of.items():
-                    table[f"{side}_axis"] = axis
-                    table[f"{side}_name"] = [_find_nearest(names, x) for x in table[side]]
-                label = label or legend.get(_find_look(artist), "")
-                first = {"panel": number, "kind": kind, "label": label, "piece": piece}
-                tables.append(pd.DataFrame(first, table.index).join(table))
+            points = np.concatenate(pieces)
+            table = pd.DataFrame(points, columns=["x", "y", "value"][: points.shape[1]])
+            table.insert(0, "panel", number)
+            table.insert(1, "kind", kind)
+            table.insert(2, "label", label or legend.get(_find_look(artist), ""))
+            table.insert(3, "piece", np.repeat(range(1, len(pieces) + 1), [*map(len, pieces)]))
+            bar = bars.get(getattr(artist, "norm", None))
+            table["value_axis"] = bar.get_ylabel() if bar else ""
+            for side, (axis, names) in axis_of.items():
+                table[f"{side}_axis"] = axis
+                words = [_find_nearest(names, x) for x in table[side]] if names else ""
+                table[f"{side}_name"] = words
+            tables.append(table.dropna(subset=["x", "y"], how="all").drop_duplicates())
     whole = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
     return whole.replace("", None).dropna(axis="columns", how="all")
 
@@ -53,15 +56,14 @@ def _list_pieces(axes: Axes) -> Iterator[tuple[str, Any, str, list[Any]]]:
     for line in axes.lines:
         drawn.append(("line", line, line.get_transform(), [line.get_xydata()]))
     for group in axes.collections:
+        kind = "line" if isinstance(group, LineCollection) else "area"
         pieces: list[Any] = [path.vertices for path in group.get_paths()]
-        kind, transform = (
-            "line" if isinstance(group, LineCollection) else "area",
-            group.get_transform(),
-        )
         if isinstance(group, PathCollection):
-            kind, transform, shades = "points", group.get_offset_transform(), group.get_array()
-            pieces = [np.column_stack([group.get_offsets(), *([] if shades is None else [shades])])]
-        drawn.append((kind, group, transform, pieces))
+            columns: list[Any] = [group.get_offsets(), group.get_array()]
+            pieces = [np.column_stack([values for values in columns if values is not None])]
+            drawn.append(("points", group, group.get_offset_transform(), pieces))
+        elif pieces:
+            drawn.append((kind, group, group.get_transform(), pieces))
     for text in axes.texts:
         drawn.append(("text", text, text.get_transform(), [np.array([text.get_position()])]))
     for kind, artist, transform, pieces in drawn:
@@ -76,13 +78,11 @@ def _list_pieces(axes: Axes) -> Iterator[tuple[str, Any, str, list[Any]]]:
             yield "bar", bars.patches[0], _find_label(bars), pieces
     for image in axes.images:
         values, (left, right, low, high) = np.asarray(image.get_array()), image.get_extent()
-        rows, columns = values.shape[:2]
-        x = left + (np.arange(columns) + 0.5) * (right - left) / columns
+        rows, across = values.shape[:2]
+        x = left + (np.arange(across) + 0.5) * (right - left) / across
         y = high + (np.arange(rows) + 0.5) * (low - high) / rows
-        places = (
-            places.ravel() for places in np.meshgrid(x, y[:: 1 if image.origin == "upper" else -1])
-        )
-        yield "image", image, "", [np.column_stack([*places, values.ravel()])]
+        grid = np.meshgrid(x, y if image.origin == "upper" else y[::-1])
+        yield "image", image, "", [np.column_stack([*map(np.ravel, (*grid, values))])]
 
 
 def _find_ends(box: Any, upright: bool) -> Any:
@@ -98,27 +98,30 @@ def _find_label(artist: Any) -> str:
 
 def _find_look(artist: Any) -> str:
     """By which a reader knows a line of one panel again in the legend of another."""
-    return str([getattr(artist, f"get_{part}", str)() for part in ("color", "linestyle", "marker")])
+    return str(
+        [getattr(artist, f"get_{part}", list)() for part in ("color", "linestyle", "marker")]
+    )
 
 
-def _describe_axis(
-    axes: Axes, panels: Sequence[Axes], side: str
-) -> tuple[str, Mapping[float, str]]:
+def _describe_axis(axes: Axes, panels: Sequence[Axes], side: str) -> tuple[str, dict[float, str]]:
     """What an axis says, or that of a panel in its row or column: its label, and words by where they stand."""
     label, names = "", dict[float, str]()
+    shared = getattr(axes, f"get_shared_{side}_axes")()
     for panel in (axes, *panels):
         ends, beside = (getattr(at.get_position(), f"interval{side}") for at in (axes, panel))
-        if np.abs(ends - beside).max() < NEAR:
+        if shared.joined(axes, panel) or np.abs(ends - beside).max() < NEAR:
             axis = getattr(panel, f"{side}axis")
-            ticks = axis.get_major_formatter()
-            words = ticks.seq if isinstance(ticks, FixedFormatter) else ()
+            texts = [text.get_text() for text in axis.get_ticklabels()]
             label = label or " ".join(axis.get_label_text().split())
-            names = names or dict(zip(axis.get_majorticklocs(), words, strict=False))
+            names = names or {
+                place: text
+                for place, text in zip(axis.get_majorticklocs(), texts, strict=False)
+                if any(map(str.isalpha, text)) and "mathdefault" not in text
+            }
     return label, names
 
 
-def _find_nearest(names: Mapping[float, str], x: float) -> str:
-    """The word at most half a place away, which is no number."""
-    at = min(names, key=lambda place: abs(place - x), default=np.inf)
-    word = names[at] if abs(at - x) <= 0.5 else ""
-    return "" if word.lstrip("\N{MINUS SIGN}-").replace(".", "").isdecimal() else word
+def _find_nearest(names: dict[float, str], x: float) -> str:
+    """The word at most half a place away."""
+    place = min(names, key=lambda place: abs(place - x))
+    return names[place] if abs(place - x) <= 0.5 else ""

@@ -44,7 +44,8 @@ class Citation:
 
 
 _TEXT = Path(__file__).with_suffix(".bib").read_text("utf-8")
-_TEXT = _TEXT.replace("VERSION", version("readhesion")).replace("COMMIT", find_commit() or "–")
+_NAMES = [version("readhesion"), *(f"commit {commit}" for commit in [find_commit()] if commit)]
+_TEXT = _TEXT.replace("VERSION", ", ".join(_NAMES))
 CITATIONS = tuple(map(Citation, re.split(r"^(?=@)", _TEXT, flags=re.MULTILINE)[1:]))
 """In the order of the file."""
 

@@ -75,7 +75,7 @@ def show_progress(name: str, total: int, quiet: bool) -> Iterator[Callable[[int]
         def describe() -> str:
             minutes, seconds = divmod(round(bar.tasks[0].time_remaining or 0.0), 60)
             forecast = f", about {minutes} min {seconds} s left" if minutes + seconds else ""
-            return f"{name}: {bar.tasks[0].completed:.0f} of {total}{forecast}"
+            return f"{bar.tasks[0].description}: {bar.tasks[0].completed:.0f} of {total}{forecast}"
 
         _working.append(describe)
         try:

@@ -10,11 +10,15 @@ import pandas as pd
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont, get_font
+from matplotlib.text import Text
 
 import paper_figs
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
-from paper_figs.style import NARROW, WIDE
+from paper_figs.figure_data import tabulate_figure
+from paper_figs.style import NARROW, WIDE, Drawing
 from studies.runner.catalogue import STUDIES
 
 FIGURES = paper_figs.all_figures()
@@ -49,6 +53,47 @@ def test_figure(name):
         for axes in shown:
             named = any(label for other, label in shown.items() if beside(axes, other, side))
             assert named or hasattr(axes, "_colorbar"), f"no {side} label: {axes}"
+    data = tabulate_figure(drawn)
+    assert data.empty == (not any(axes.axison for axes in drawn.axes))
+    assert data.empty or data[["x_axis", "y_axis"]].notna().all(axis=None)
+    letters = set("".join(text.get_text() for text in drawn.findobj(Text))) - {"\n"}
+    assert {*map(ord, letters)} <= {
+        *get_font(findfont("STIXGeneral")).get_charmap()
+    }  # of latex.mplstyle
+
+
+def made_figure():
+    """A line and a level, bars, an area, coloured points, an image: of each a number that is known."""
+    drawn = Figure(figsize=(4.0, 2.0), layout="constrained")
+    (left, right), (_, low) = drawn.subplots(2, 2, sharex="col")
+    left.plot([1, 2], [3, 4], color="red")
+    left.axhline(5.0)
+    left.set(ylabel="force [N]")
+    low.plot([0, 1], [6, 7], color="red", label="known")
+    low.bar(["a", "b"], [8, 9], bottom=1)
+    low.set(xlabel="time [s]")
+    shades = right.imshow([[10, 11], [12, 13]], extent=(0, 4, 0, 4), origin="lower")
+    drawn.colorbar(shades, ax=right, label="slip [m/s]")
+    return drawn
+
+
+def test_data_of_a_figure(tmp_path):
+    (tmp_path / "wide.mplstyle").write_text("savefig.dpi: 50\n")
+    drawing, style = Drawing(made_figure, "What is known."), str(tmp_path / "wide.mplstyle")
+    (path,) = paper_figs.draw({"made": drawing}, tmp_path, tmp_path, "png", style, 6.0)
+    assert mpl.image.imread(path).shape[:2] == (150, 300)
+    data = pd.read_csv(path.with_suffix(".csv"), keep_default_na=False, na_values="")
+    points = {
+        (panel, kind): part[["x", "y", "value"]].fillna(-1).to_numpy().tolist()
+        for (panel, kind), part in data.groupby(["panel", "kind"])
+    }
+    assert points[1, "line"] == [[1, 3, -1], [2, 4, -1], [-1, 5, -1]]
+    assert points[2, "image"] == [[1, 1, 10], [3, 1, 11], [1, 3, 12], [3, 3, 13]]
+    assert points[4, "bar"] == [[0, 1, -1], [0, 9, -1], [1, 1, -1], [1, 10, -1]]
+    assert set(data.loc[data["x"] == 2, "label"]) == {"known"}  # by its look, in the other panel
+    assert set(data.loc[data["panel"] == 2, "x_axis"]) == {"time [s]"}
+    assert set(data["value_axis"].dropna()) == {"slip [m/s]"}
+    assert data.loc[data["kind"] == "bar", "x_name"].tolist() == ["a", "a", "b", "b"]
 
 
 @pytest.mark.parametrize("name", FIGURES)

@@ -15,11 +15,13 @@ import pytest
 
 from studies.command import command_line as cli
 from studies.command.command_line import run
+from studies.runner.provenance import find_commit
 from studies.runner.workers import TOGETHER
 from tests.cases import looped
 
 ROOT = cli.Path(cli.__file__).parents[2]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
+PATHS = {"PATH": f"{cli.Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 strict = partial(json.loads, parse_constant=pytest.fail)
 
 SMALL = ["--scenario", "wet-patch", "--rules", "alone", "cooperative", "--controllers", "perturb-observe", "--seeds", "2",
@@ -51,6 +53,7 @@ STUDY = Study("own", "what is twice a number?", cells, run, lambda rows: rows[["
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("studies.runner.progress.EVERY", 1e6)  # no lines on a slow machine
     return tmp_path
 
 
@@ -77,6 +80,9 @@ def test_compare_and_again(capsys, elsewhere):
     output = strict(printed(capsys, "compare", *SMALL, "--json"))
     assert {row["rule"] for row in output["rows"]} == {"alone", "cooperative"}
     assert "bound_use" in output["metrics"]
+    assert output["about"]["machine"]
+    printed(capsys, "compare", *SMALL, "--format", "tex")
+    assert r"\toprule" in (elsewhere / "results" / "compare" / "table.tex").read_text()
 
 
 def test_simulate(capsys, elsewhere):
@@ -111,9 +117,11 @@ def test_names(capsys):
         r'^[ -]*(\w+): "?([^"\n]+)', (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE
     )
     by, title, number, terms = (dict(lines)[key] for key in ("name", "title", "version", "license"))
-    assert all(f"{{{field}}}" in first for field in (by, title, number, terms))
+    assert all(f"{{{field}}}" in first for field in (by, title, terms))
+    commit = f", commit {find_commit()}" if find_commit() else ""
+    assert f"version = {{{number}{commit}}}" in first
     assert number == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-    assert printed(capsys, "cite").startswith(f"{by}. {title}. {number}, {terms}.\n")
+    assert printed(capsys, "cite").startswith(f"{by}. {title}. {number}{commit}, {terms}.\n")
 
 
 def test_own_rule(capsys, elsewhere):
@@ -209,6 +217,8 @@ def test_remarks(capsys, elsewhere):
     ("rank greedy --under none", "--under none"),
     ("figures slip-evnt", "slip-event"),
     ("figures --source jp99", "jp99"),
+    ("figures limits --style nothing", "nothing"),
+    ("figures limits --width 0", "--width"),
     ("list ruls", "rules"),
     ("check nobody", "nobody"),
     ("report", "readhesion compare"),
@@ -264,5 +274,19 @@ def test_nobody_reads_on(elsewhere):
     command = f"{sys.executable} -m studies.command.command_line list | head -1"
     shell = ["bash", "-c", f"set -o pipefail; {command}"]
     process = subprocess.run(shell, env=ENVIRONMENT, capture_output=True, text=True)
-    assert process.stderr == ""
+    assert not [line for line in process.stderr.splitlines() if "at work" not in line]
     assert process.returncode in (0, 141)
+
+
+@pytest.mark.slow
+def test_a_comment_on_a_rule(elsewhere):
+    """The script of a pull request: laws and place of a rule that keeps them, and of one that does not."""
+    for promise, code in (("baseline", 0), ("exact", 1)):
+        (elsewhere / "even.py").write_text(OWN_RULE.replace("exact", promise))
+        command = [ROOT / ".ci" / "rank-rule", "even.py", "2"]
+        process = subprocess.run(command, env=ENVIRONMENT | PATHS, capture_output=True, text=True)
+        assert process.returncode == code, process.stderr
+        title, *_, last = process.stdout.splitlines()
+        assert title == "### even on the first 2 events of the benchmark"
+        assert last == "```"
+        assert "even less alone" in process.stdout

@@ -1,7 +1,11 @@
 """What a folder of rows and a run of many cells survive, and what a row depends on."""
 
 import ast
+import json
+import logging
 import os
+import platform
+import re
 import signal
 import subprocess
 import sys
@@ -12,14 +16,17 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
+import numba
 import numpy as np
 import pandas as pd
 import pytest
 
 from studies import StudyError, WorkerLost
 from studies.runner import row_key, workers
+from studies.runner.progress import VERBOSE, print_progress, show_progress, write_log
+from studies.runner.provenance import describe_origin, find_commit, origin_line
 from studies.runner.row_key import ROWS, folder_hash, hash_sources
-from studies.runner.rows import append_rows, markdown_table, read_rows, write_table
+from studies.runner.rows import append_rows, latex_table, markdown_table, read_rows, write_table
 from studies.runner.study import run_study
 from tests.studies import made_study
 from tests.studies.made_study import make
@@ -303,11 +310,63 @@ def test_a_users_file_counts_with_its_folder(tmp_path):
 def test_tables_as_files(tmp_path):
     table = pd.DataFrame({"a": [1.0], "b": ["x|y"]})
     table.attrs["statements"] = [object()]
-    write_table(table, tmp_path / "t.1")
-    assert (
-        (tmp_path / "t.1.md").read_text()
-        == markdown_table(table)
-        == "| a | b |\n| --: | --- |\n| 1.000 | x\\|y |\n"
-    )
-    assert pd.read_parquet(tmp_path / "t.1.parquet")["a"].iloc[0] == 1.0
+    texts = {"md": markdown_table(table), "tex": latex_table(table)}
+    assert texts["md"] == "| a | b |\n| --: | --- |\n| 1.000 | x\\|y |\n"
+    write_table(table, tmp_path / "t.1", texts)
+    for ending, text in texts.items():
+        written = (tmp_path / f"t.1.{ending}").read_text()
+        assert written.startswith(text)
+        assert origin_line() in written
+    stored = pd.read_parquet(tmp_path / "t.1.parquet")
+    assert stored["a"].iloc[0] == 1.0
+    assert stored.attrs == describe_origin()
     assert pd.read_csv(tmp_path / "t.1.csv")["b"].iloc[0] == "x|y"
+
+
+def test_a_table_of_latex_has_as_many_cells_as_columns_and_no_letter_that_latex_lacks():
+    entries = ["a & b_1 {x}", "[2, 3]", "*", "\N{MINUS SIGN}1.0 ± 2 % of 3 m/s²", "a\\b", "50 °"]
+    text = latex_table(pd.DataFrame({"name": entries, "x [#]": np.arange(6.0)}))
+    head, *rows = [line for line in text.splitlines() if line.endswith(r"\\")]
+    assert text.startswith("\\begin{tabular}{lr}\n\\toprule\nname & x {[}\\#] ")
+    assert [len(re.split(r"(?<!\\)&", row)) for row in (head, *rows)] == [2] * 7
+    assert text.isascii()
+    assert not [
+        row for row in rows if row[0] in "[*"
+    ]  # they would belong to the end of the row above
+
+
+def test_rows_say_what_computed_them(tmp_path, monkeypatch):
+    run_study(make(), tmp_path, 3)
+    origin, *cells = map(json.loads, (tmp_path / ROWS).read_text().splitlines())
+    assert origin == {"origin": describe_origin()}
+    assert len(cells) == 3
+    assert platform.node() not in re.split("[ ,]", origin_line())
+    monkeypatch.setattr("studies.runner.provenance.ROOT", tmp_path)  # in no repository of ours
+    find_commit.cache_clear()
+    assert find_commit() == ""
+    find_commit.cache_clear()
+
+
+def test_progress_where_stderr_is_no_terminal(monkeypatch, capsys):
+    monkeypatch.setattr("studies.runner.progress.EVERY", 0.01)
+    lines, deadline = "", time.monotonic() + 30
+    with print_progress("made", False), show_progress("cells", 4, quiet=False) as advance:
+        advance(1)
+        while "cells (compiles at first): 1 of 4" not in lines:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+            lines += capsys.readouterr().err
+
+
+def test_the_log_has_what_is_stored_computed_and_compiled(tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv(VERBOSE, "")  # as it was, afterwards
+    caplog.set_level(logging.INFO, "readhesion")
+    write_log()
+    for count in (3, 14):
+        run_study(make(), tmp_path, count)
+    numba.njit(lambda x: x + 1)(1)
+    log = "\n".join(caplog.messages)
+    assert "made: 3 runs, of which" in log
+    assert f"made: 14 runs, of which {tmp_path} has 3\n" in log
+    assert f"cell {made_study.FAILS}: failed in 0.00 s ValueError: unlucky" in log
+    assert f"compiling {__name__}.test_the_log" in log
