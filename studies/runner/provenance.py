@@ -15,32 +15,26 @@ ROOT = Path(__file__).parents[2]
 @cache
 def find_commit() -> str:
     """The commit of a clone, marked where what computes was edited since; empty where there is no clone or no git."""
-    if not (
-        ROOT / ".git"
-    ).exists():  # an installed package may lie in the repository of something else
-        return ""
-    with suppress(OSError):
-        git = ["git", "-C", str(ROOT)]
-        head = subprocess.run(
-            [*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True
-        )
-        compared = [*git, "diff", "--quiet", "HEAD", "--", "alloc", "mpc", "studies"]
-        edited = head.stdout and subprocess.run(compared, capture_output=True).returncode
-        return head.stdout.strip() + (", edited" if edited else "")
+    git = ["git", "-C", str(ROOT)]
+    with suppress(OSError, subprocess.CalledProcessError):
+        # an installed package may lie in the repository of something else
+        if (ROOT / ".git").exists():
+            commit = subprocess.check_output([*git, "rev-parse", "--short=12", "HEAD"], text=True)
+            compared = [*git, "diff", "--quiet", "HEAD", "--", "alloc", "mpc", "studies"]
+            return commit.strip() + (", edited" if subprocess.run(compared).returncode else "")
     return ""
 
 
 @cache
 def describe_origin() -> dict[str, str]:
-    """What stored results carry: versions by name, "commit", "machine"."""
+    """What stored results carry: "commit", "machine", and versions by name."""
     from studies.runner.row_key import LIBRARIES  # which reads all sources
 
     model = platform.processor()
     with suppress(OSError):
-        names = re.findall(
-            r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.MULTILINE
-        )
-        model = (*names, model)[0]
+        model = (re.findall(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text()) or [model])[
+            0
+        ]
     machine = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, {model}"
     versions = {name: version(name) for name in ("readhesion", *LIBRARIES)}
     python = platform.python_version()
