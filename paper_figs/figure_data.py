@@ -13,7 +13,9 @@ from matplotlib.figure import Figure
 
 NEAR = 0.03
 """Of the figure's size: panels whose ends differ by less stand in one row or column, where one label is enough."""
-COLUMNS = ["panel", "title", "kind", "label", "x", "y", "value", "x_axis", "y_axis", "value_axis", "x_name", "y_name"]  # fmt: skip
+COLUMNS = [
+    "panel", "title", "kind", "label", "x", "y", "value", "x_axis", "y_axis", "value_axis", "x_name", "y_name",
+]  # fmt: skip
 
 
 def tabulate_figure(figure: Figure) -> pd.DataFrame:

@@ -110,8 +110,8 @@ def run_study(
         for key in [key for key, rows in stored.items() if rows and rows[0]["status"] == "failed"]:
             del stored[key]
     left = [(key, cell) for key, cell in cells.items() if key not in stored]
-    kept = len(cells) - len(left)
-    LOG.info("%s: %d runs, of which %s has %d", study.name, len(cells), folder, kept)
+    finished = len(cells) - len(left)
+    LOG.info("%s: %d runs, of which %s has %d", study.name, len(cells), folder, finished)
     if slowed := [cell for _, cell in left if cell.columns.get("rule") in slow]:
         spent = sum(slow[cell.columns["rule"]] * ASKED * cell.args[0].duration_s for cell in slowed)
         forecast = f"these {len(left)} runs take about {spent / 60.0 / jobs:.1f} min"
@@ -123,7 +123,7 @@ def run_study(
                 show_progress(study.name, len(cells), quiet) as advance,
                 closing(compute_rows(study.run, left, jobs, scheduler)) as batches,
             ):
-                advance(kept)
+                advance(finished)
                 for batch in batches:
                     append_rows(folder, batch)
                     _log_rows((cells[key].name, row) for key, rows in batch.items() for row in rows)
