@@ -72,7 +72,7 @@ def _list_drawn(axes: Axes) -> Iterator[tuple[str, Any, str, Any]]:
         inside = np.array(place.contains_branch_seperately(axes.transData))
         label = artist.get_text() if kind == "text" else _find_label(wholes.get(id(artist), artist))
         if inside.any() and (label or kind != "text"):
-            shown = np.ma.array(points, float, copy=True).filled(np.nan)
+            shown: Any = np.ma.array(points, float, copy=True).filled(np.nan)
             shown[:, :2][:, ~inside] = np.nan
             yield kind, artist, label, shown
     for bars in axes.containers:

@@ -218,8 +218,8 @@ def optimum(
     from studies.files.scenario_files import load_scenario
     from studies.run_cell import event_of
     from studies.runner.plugins import try_own_parts
+    from studies.runner.progress import show_progress
     from studies.runner.rows import markdown_table
-    from studies.runner.study import show_progress
 
     event, pairs = load_scenario(scenario), study.choose_pairs(rules, controllers)
     check_file(figure, ".pdf", ".png", ".svg")
