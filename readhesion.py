@@ -47,8 +47,8 @@ from alloc.run.recording import save as _save
 from alloc.schema.errors import InputError
 from alloc.schema.tables import Column, Table
 from studies import StudyError as _StudyError
-from studies import benchmark as _benchmark
 from studies import compare as _compare
+from studies import rank as _rank
 from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario
 from studies.run_cell import recorded as _recorded
@@ -206,25 +206,26 @@ def rank(
     events: int | None = None,
     out: str | _Path | None = None,
     jobs: int = 1,
-) -> _pd.DataFrame:
+) -> _rank.Ranking:
     """The place of a registered rule or controller of your own among all of the benchmark, over the same events.
 
-    One row per part, the best first: "used" [%], "less" [points], by how much yours is ahead, with its interval, "tied".
-    `attrs["gains"]` has the gain over `alone`, of a controller over perturb-observe, by parts of the events. `under`: the
+    A `DataFrame` that prints as the command does, and has `.plot()`. One row per part, the best first: "used" [%], "less"
+    [points], by how much yours is ahead, with its interval, "tied". `attrs["gains"]` has the gain over `alone`, of a
+    controller over perturb-observe, by parts of the events, `attrs["worst"]` the events in which it is least. `under`: the
     controller under which a rule runs; `events`: how many, the first [default: all 500]. `out`, `jobs`: as for `compare`.
     """
     _check("events", 1 if events is None else events, 1)
     _check("jobs", jobs, 1)
     _reload_plugins()
-    pairs = _benchmark.find_pairs(str(part), under)
+    pairs = _rank.find_pairs(str(part), under)
     if len(pairs) > 1:
         raise _StudyError(f"{part}: it registers several parts; give the name of one")
-    study = _benchmark.rank_study(*pairs[0])
-    with _tempfile.TemporaryDirectory() as folder:
-        rows = _run_study(study, folder if out is None else out, events, jobs=jobs)
-    tables = study.make_tables(rows)
-    tables["table"].attrs["gains"] = tables["gains"].to_dict(orient="records")
-    return tables["table"]
+    study = _rank.rank_study(*pairs[0])
+    with _tempfile.TemporaryDirectory() as room:
+        folder = room if out is None else out
+        _rank.announce_time(pairs[0], folder, events, jobs)
+        rows = _run_study(study, folder, events, jobs=jobs)
+    return _rank.make_ranking(pairs[0], study.make_tables(rows))
 
 
 def plot(run: _xr.Dataset, path: str | _Path | None = None) -> _Any:

@@ -1,11 +1,10 @@
-"""The benchmark: rules and controllers on one population of slip events, and the place of a new part.
+"""The benchmark: rules and controllers on one population of slip events.
 
 Rules meet every event under several controllers, controllers where units act alone, and on the first events with a knob of
-theirs at other values. The rows are stored in the repository, so that a new part is ranked by its runs alone.
+theirs at other values. The rows are stored in the repository, so that `studies.rank` runs a new part alone.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,18 +19,16 @@ from alloc.rules import RULES
 from alloc.run.simulation import simulate
 from studies import StudyError, run_cell, standing
 from studies.files.scenario import Scenario
+from studies.files.scenario_files import shipped_names
 from studies.population import population
-from studies.runner.plugins import load_plugins, try_own_parts
 from studies.runner.provenance import describe_origin
 from studies.runner.row_key import hash_sources
 from studies.runner.study import WIDE, Cell, Row, Study
 from studies.standing import DISTRIBUTION, EFFORT, GAIN, Columns, Statistic
 from studies.statistics import (
     Claim,
-    Interval,
     Statement,
     draw_forest,
-    in_digits,
     judge,
     mean,
 )
@@ -45,8 +42,6 @@ Runs = dict[str, pd.DataFrame]
 """Rows by event of each rule or of each controller, over the same events."""
 Knob = tuple[str, float]
 """Parameter of a controller, and its value."""
-Pair = tuple[str, str]
-"""A rule and a controller."""
 
 # what is compared
 
@@ -97,16 +92,17 @@ def cells(events: int, seed: int) -> list[Cell]:
     for k in range(events):
         event, drawn = population.event(seed, k), population.draw(seed, k)
         strata = {name: drawn[name] for name in population.STRATA}
-        cells += [_make_cell(event, *pair, k, **strata) for pair in pairs]
+        cells += [make_cell(event, *pair, k, **strata) for pair in pairs]
         for controller, (knob, values) in KNOBS.items() if k < SWEPT else ():
             pair = BASE, controller
-            cells += [_make_cell(event, *pair, k, (knob, value), **strata) for value in values]
+            cells += [make_cell(event, *pair, k, (knob, value), **strata) for value in values]
     return cells
 
 
-def _make_cell(
+def make_cell(
     event: Scenario, rule: str, controller: str, k: int, knob: Knob | None = None, **strata: Any
 ) -> Cell:
+    """Event `k` under a rule and a controller, a `knob` of it at another value; its rows say `strata`."""
     columns = {"scenario": event.name, "rule": rule, "controller": controller, "seed": k, **strata}
     name = "/".join([event.name, rule, controller, *map(str, knob or ())])
     sources = run_cell.sources(event, rule.removesuffix(REPORTED), controller)
@@ -153,6 +149,39 @@ def read_stored() -> pd.DataFrame:
 def is_stale() -> bool:
     """Whether the stored rows were computed by other sources than these."""
     return bool(read_stored().attrs.get("sources") != hash_sources(run))
+
+
+def summarise_stored(compared: pd.DataFrame) -> str:
+    """What the stored rows say of the rules whose rows over shipped events were `compared`; nothing of other events.
+
+    A comparison of shipped events alone misleads: they were made to show cases of the patent.
+    """
+    controllers = [name for name in (SEARCH, *UNDER) if name in set(compared["controller"])]
+    if not controllers or not {*compared["scenario"]} <= {*shipped_names()}:
+        return ""
+    rows = read_stored()
+    runs = split_runs(rows, controllers[0])
+    rules = [rule for rule in dict.fromkeys(compared["rule"]) if rule != BASE]
+    gains = {
+        rule: mean(find_gain(runs, rule, BASE))
+        for rule in rules
+        if rule in runs and not standing.find_mark(rule, runs[rule]["over_delivery"].mean())
+    }
+    sentences = []
+    for verb, sign in (("gain", 1.0), ("lose", -1.0)):
+        sizes = {rule: sign * gain.value for rule, gain in gains.items() if not gain.tied(0.0)}
+        chosen = sorted((rule for rule in sizes if sizes[rule] > 0.0), key=sizes.__getitem__)[::-1]
+        ends = dict.fromkeys(f"{sizes[rule]:.2f}" for rule in [*chosen[-1:], *chosen[:1]])
+        ending = "s" * (len(chosen) == 1)
+        if chosen:
+            sentences += [f"{', '.join(chosen)} {verb}{ending} {' to '.join(ends)} points"]
+    answer = "; ".join(sentences) or "no rule of these gains or loses"
+    unranked = [rule for rule in rules if rule not in runs and rule not in RULES.shipped()]
+    place = f" For {', '.join(unranked)}, run readhesion rank." if unranked else ""
+    return (
+        f"The shipped events were made to show the patent's cases. On {rows['scenario'].nunique()} drawn events, under "
+        f"{controllers[0]}, over {BASE}: {answer} (docs/sharing.md).{place}"
+    )
 
 
 # what comes out
@@ -318,128 +347,3 @@ QUESTION = "How much of what rail and motors allow do rules and controllers use,
 DRAWN = population.EVENTS, population.SEED
 FURTHER = {"controllers": tabulate_controllers, "front": tabulate_front}
 STUDY = Study("benchmark", QUESTION, cells, run, table, figure, statements, *DRAWN, FURTHER)
-
-# the place of a new part
-
-
-def compared_parts(rule: str, controller: str) -> tuple[str, str]:
-    """Which part of a pair is ranked, a controller where units act alone, and its reference."""
-    return (controller, SEARCH) if rule == BASE else (rule, BASE)
-
-
-def _join_runs(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> Runs:
-    """The runs of a new pair, by the name of its part, beside the stored ones over the same events."""
-    (name, reference), (rule, controller) = compared_parts(*pair), pair
-    good = new_rows[new_rows["status"] == "ok"].set_index("scenario")
-    same = rows[rows["scenario"].isin(good.index)]
-    runs = split_runs(same, BASE if rule == BASE else controller)
-    numbers = good.loc[runs[reference].index, [EFFORT, "over_delivery"]].astype("float32")
-    return {**runs, name: numbers}
-
-
-def tabulate_places(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> pd.DataFrame:
-    """A new pair of rule and controller among those stored, a row for each part, the best first.
-
-    `used` [%]; `less`, by how much the new part is ahead [points], with its interval; its `median`; `tied` where `less` may
-    be nothing; `mark`, see `MARKS`.
-    """
-    (name, _), runs = compared_parts(*pair), _join_runs(rows, new_rows, pair)
-    lines = []
-    for part, values in runs.items():
-        leads, used = find_gain(runs, name, part), 100.0 * float(values[EFFORT].mean())
-        lead = mean(leads)
-        tied, mark = (
-            lead.tied(100.0 * standing.NEGLIGIBLE),
-            standing.find_mark(part, values["over_delivery"].mean()),
-        )
-        lines.append((part, used, *lead[:3], float(leads.median()), tied, mark))
-    heads = ["name", "used", "less", "low", "high", "median", "tied", "mark"]
-    places = pd.DataFrame(lines, columns=heads)
-    return places.sort_values("used", ascending=False, kind="stable", ignore_index=True)
-
-
-def tabulate_gains(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> pd.DataFrame:
-    """Gain of the new part over its reference, see `compared_parts`, by parts of the events: mean with interval, median,
-    trimmed mean, worst [points], shares of events gained and harmed."""
-    runs, (name, reference), lines = _join_runs(rows, new_rows, pair), compared_parts(*pair), []
-    for stratum, true in {"all": runs[name][EFFORT].notna(), **find_strata(rows)}.items():
-        part = runs[name].loc[true]
-        gain = GAIN.measure(part, runs[reference]).times(100.0)
-        line: Row = {"events": stratum, "number": len(part), "gain": gain.value}
-        line |= {"low": gain.low, "high": gain.high}
-        for key, column in DISTRIBUTION.items():
-            factor = column.scale if column.signed else 1.0
-            line[key] = factor * column.measure(part, runs[reference]).value
-        lines.append(line)
-    return pd.DataFrame(lines)
-
-
-def rank_study(rule: str, controller: str) -> Study:
-    """The runs of a pair on the population, and its place among the stored ones. Raises `StudyError`: see `read_stored`."""
-
-    def pair_cells(events: int, seed: int) -> list[Cell]:
-        if events > population.EVENTS:
-            raise StudyError(f"events = {events}: rows of {population.EVENTS} are stored")
-        return [_make_cell(population.event(seed, k), rule, controller, k) for k in range(events)]
-
-    rows, pair = read_stored(), (rule, controller)
-    return replace(
-        STUDY,
-        name=f"rank-{rule}-{controller}",
-        question=f"where {compared_parts(rule, controller)[0]} stands among all",
-        cells=pair_cells,
-        table=lambda new_rows: tabulate_places(rows, new_rows, pair),
-        figure=None,
-        statements=None,
-        more_tables={"gains": lambda new_rows: tabulate_gains(rows, new_rows, pair)},
-    )
-
-
-def find_pairs(part: str, under: str) -> list[Pair]:
-    """Pairs of rule and controller that rank the parts of a file, or the part of this name; rules run `under` a controller.
-
-    Raises `InputError` for a part that does not exist or does not work, and a controller of which no rules are stored.
-    """
-    if under not in UNDER:
-        raise StudyError(f"--under {under}: rows are stored of {', '.join(UNDER)}")
-    names = [part]
-    if part.endswith(".py"):
-        (module,) = load_plugins([part])
-        registered = [(registry, name) for registry in (RULES, CONTROLLERS) for name in registry]
-        names = [name for registry, name in registered if registry.origin(name) == module.__name__]
-        if not names:
-            raise StudyError(f"{part}: it registers no rule and no controller")
-    rules = [name for name in names if name not in CONTROLLERS]
-    pairs = [(RULES.find(name).name, under) if name in rules else (BASE, name) for name in names]
-    try_own_parts(*zip(*pairs, strict=True))
-    return pairs
-
-
-def format_rank(pair: Pair, tables: Mapping[str, pd.DataFrame]) -> list[str]:
-    """The tables of `rank_study`, for a terminal of 80 columns."""
-    (name, reference), (places, gains) = compared_parts(*pair), tables.values()
-    under = "where units act alone" if pair[0] == BASE else f"under {pair[1]}"
-    head, count = ("place", "", "used %", f"{name} less it [95 %]", "median"), 0
-    rows: list[tuple[str, ...]] = [head]
-    for place in places.itertuples():
-        count += place.mark == ""
-        rank = "" if place.mark else f"{count}{'=' if place.tied else ''}"
-        lead = Interval(place.less, place.low, place.high, gains["number"].max())
-        numbers = lead.text(2, sign=True), in_digits(place.median, 2, True)
-        numbers, arrow = (("", ""), ">") if place.name == name else (numbers, " ")
-        rows.append((f"{arrow}{rank:>4}", place.name + place.mark, f"{place.used:.1f}", *numbers))
-    lines = [f"{name} {under}", *standing.align_columns(rows, left=2)]
-    rows = [("  events", "", "points [95 %]", "median", "worst", "harmed %")]
-    for part in gains.itertuples():
-        gain = Interval(part.gain, part.low, part.high, part.number).text(2, sign=True)
-        tail = (part.median, 2, True), (part.worst, 1, True), (100.0 * part.harmed, 0, False)
-        texts = [in_digits(*number) if part.number else "" for number in tail]
-        rows.append((f"  {part.events}", str(part.number), gain, *texts))
-    lines += ["", f"{name} less {reference}:", *standing.align_columns(rows)]
-    little = f"the interval holds 0, or less than {100 * standing.NEGLIGIBLE:g} points"
-    no_place = {mark: f"{meaning}; has no place" for mark, meaning in standing.MARKS.items()}
-    lines += standing.list_marks(lines, {"=": f"cannot be told from {name}: {little}", **no_place})
-    whole, points = gains.iloc[0], f"{100 * standing.LITTLE:g} points"
-    trimmed, gained = in_digits(whole["trimmed"], 2, True), 100.0 * whole["gained"]
-    lines += [f"all without the outer tenths: {trimmed}; {gained:.0f} % gain more than {points}"]
-    return [*lines, f"harmed: loses more than {points}"]

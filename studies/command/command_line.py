@@ -81,6 +81,7 @@ def compare(
         seeds: Number of seeds of every event; the first, 0, is the event as its file says [default: 2].
     """
     from studies import compare as comparison
+    from studies.benchmark import summarise_stored
     from studies.files.scenario import find_remarks
     from studies.files.scenario_files import load_scenario
     from studies.runner.plugins import try_own_parts
@@ -100,13 +101,12 @@ def compare(
         _print_json(comparison.export_comparison(rows))
     else:
         standings = comparison.rank_rules(rows)
-        print(
-            "\n".join(
-                [comparison.summarise_standings(standings), *comparison.format_standings(standings)]
-            )
-        )
+        table = comparison.format_standings(standings)
+        print(comparison.summarise_standings(standings), *table, sep="\n")
         shown = "" if work.out == Path("results") else f" --results {work.out}"
         print(f"{_count_rows(rows)} in {folder}; next: readhesion report{shown}")
+        if beyond := summarise_stored(rows):
+            _print_line("", beyond)
     return 0 if (rows["status"] == "ok").any() else FAILED
 
 
@@ -299,26 +299,31 @@ def rank(
         under: Controller under which a rule is run: cut-and-ramp, perturb-observe or mpc.
         events: Number of events, the first [default: all 500].
     """
-    from studies import benchmark as bench
+    from studies import rank as ranking
+    from studies.benchmark import is_stale
     from studies.runner.provenance import describe_origin
 
     tables_of_parts = {}
-    for pair in bench.find_pairs(part, under):
-        study = bench.rank_study(*pair)
-        results = _run_study(study, work.out / study.name, work, events)
+    for pair in ranking.find_pairs(part, under):
+        study = ranking.rank_study(*pair)
+        folder = work.out / study.name
+        if not work.dry_run:
+            ranking.announce_time(pair, folder, events, work.jobs)
+        results = _run_study(study, folder, work, events)
         if results is None:
             continue
         rows, tables = results
         if not tables:
             return _report_failure(study, rows)
         if work.as_json:
-            tables_of_parts[bench.compared_parts(*pair)[0]] = {**tables, "about": describe_origin()}
+            name = ranking.compared_parts(*pair)[0]
+            tables_of_parts[name] = {**tables, "about": describe_origin()}
         else:
-            print("\n".join(bench.format_rank(pair, tables)))
-            print(f"{_count_rows(rows)} in {work.out / study.name}")
+            print("\n".join(ranking.format_rank(pair, tables)))
+            print(f"{_count_rows(rows)}, tables and figure in {folder}")
     if work.as_json:
         _print_json(tables_of_parts)
-    if bench.is_stale():
+    if is_stale():
         _print_messages(
             "the stored rows are of other sources of alloc or mpc; readhesion benchmark computes them anew"
         )

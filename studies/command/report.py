@@ -22,6 +22,7 @@ from alloc.onboard.controllers import CONTROLLERS
 from alloc.plant import curves
 from alloc.rules import RULES
 from studies import StudyError, compare
+from studies.benchmark import summarise_stored
 from studies.command.citations import Citation, find_uses
 from studies.compare import REFERENCE, Standing
 from studies.files.scenario import Scenario
@@ -62,7 +63,10 @@ def write_report(folder: Path, out: Path, events: Sequence[str] = ()) -> None:
     text = environment.from_string(Path(__file__).with_suffix(".html").read_text("utf-8")).render(
         plotly=Markup(get_plotlyjs()),
         reference=REFERENCE if REFERENCE in rows["rule"].values else "",
-        answer=compare.summarise_standings(places).splitlines(),
+        answer=[
+            *filter(None, [summarise_stored(rows)]),
+            *compare.summarise_standings(places).splitlines(),
+        ],
         about={kind: rows[kind].nunique() for kind in ("scenario", "rule", "controller", "seed")},
         runs=len(rows),
         forests=[_forest_of(controller, under) for controller, under in by_name.items()],

@@ -152,18 +152,25 @@ def _log_rows(rows: Iterable[tuple[str, Row]]) -> None:
                 LOG.info("%s: the solver of the %s failed %d times", name, part, failures)
 
 
+def count_missing(
+    study: Study, folder: str | Path, events: int | None, seed: int | None
+) -> tuple[int, int, float]:
+    """How many cells a study has, how many of them `folder` lacks, and the mean time of those that it has [s] or nan."""
+    cells, stored = study.keyed_cells(events, seed), read_rows(folder)
+    spent = [row["wall_time"] for rows in stored.values() for row in rows]
+    return len(cells), len(set(cells) - set(stored)), float(np.mean(spent)) if spent else np.nan
+
+
 def forecast_runs(
     study: Study, folder: str | Path, events: int | None, seed: int | None, jobs: int
 ) -> str:
-    """How many cells a study has, how many of them `folder` lacks, and how long these take in so many processes."""
-    cells, stored = study.keyed_cells(events, seed), read_rows(folder)
-    lacking = len(set(cells) - set(stored))
-    spent = [row["wall_time"] for rows in stored.values() for row in rows]
+    """How many runs a study takes, how many are to be made, and about how long that takes, in a sentence."""
+    cells, lacking, seconds = count_missing(study, folder, events, seed)
     forecast = ": no stored run says how long one takes" if lacking else ""
-    if lacking and spent:
-        minutes, rest = divmod(round(lacking * float(np.mean(spent)) / jobs), 60)
+    if lacking and seconds == seconds:
+        minutes, rest = divmod(round(lacking * seconds / jobs), 60)
         forecast = f": about {minutes} min {rest} s in {jobs} processes"
-    return f"{len(cells)} runs, of which {lacking} are to be made{forecast}"
+    return f"{cells} runs, of which {lacking} are to be made{forecast}"
 
 
 def write_results(

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies import benchmark, standing
+from studies import benchmark, rank, standing
 from studies.population import population
 from studies.runner.study import run_study
 from studies.statistics import in_digits
@@ -94,7 +94,7 @@ def test_all_tables_say_alike_how_gains_are_spread(rows):
     assert lost["harmed"] == standing.DISTRIBUTION["gained"].measure(runs, base)
     pair, part = ("cooperative", "cut-and-ramp"), rows["rule"] == "cooperative"
     single = rows[part & (rows["controller"] == "cut-and-ramp")]
-    ranked = benchmark.tabulate_gains(rows, single, pair).iloc[0]
+    ranked = rank.tabulate_gains(rows, single, pair).iloc[0]
     line = benchmark.table(rows).set_index(["controller", "rule"]).loc[pair[::-1]]
     for name, column in standing.DISTRIBUTION.items():
         number = ranked[name] * (1.0 if column.signed else column.scale)
@@ -121,9 +121,9 @@ def test_a_rule_is_ranked_among_the_stored_ones(rows, monkeypatch):
     stored = rows.astype(dict.fromkeys(benchmark.METRICS_STORED, "float32"))
     own = rows[(rows["rule"] == "cooperative") & (rows["controller"] == "perturb-observe")]
     own = own.assign(bound_use=own["bound_use"] + 0.01)
-    monkeypatch.setattr(benchmark, "read_stored", lambda: stored)
+    monkeypatch.setattr(rank, "read_stored", lambda: stored)
     pair = "mine", "perturb-observe"
-    tables = benchmark.rank_study(*pair).make_tables(own)
+    tables = rank.rank_study(*pair).make_tables(own)
     places, gains = tables["table"], tables["gains"]
     by = places.set_index("name")
     assert by.loc["mine", "used"] == pytest.approx(by.loc["cooperative", "used"] + 1.0, abs=1e-4)
@@ -135,7 +135,7 @@ def test_a_rule_is_ranked_among_the_stored_ones(rows, monkeypatch):
     runs = benchmark.split_runs(stored, "perturb-observe")
     expected = benchmark.find_gain(runs, "cooperative", "alone").mean() + 1.0
     assert gains.loc[0, "gain"] == pytest.approx(expected, abs=1e-4)
-    said = benchmark.format_rank(pair, tables)
+    said = rank.format_rank(pair, tables)
     assert max(map(len, said)) <= 80
     assert sum(one.startswith(">") for one in said) == 1
 
@@ -143,8 +143,8 @@ def test_a_rule_is_ranked_among_the_stored_ones(rows, monkeypatch):
 def test_a_controller_is_ranked_where_units_act_alone(rows):
     own = rows[(rows["rule"] == "alone") & (rows["controller"] == "pi-creep")]
     pair = "alone", "mine"
-    places = benchmark.tabulate_places(rows, own, pair)
-    gains = benchmark.tabulate_gains(rows, own, pair)
+    places = rank.tabulate_places(rows, own, pair)
+    gains = rank.tabulate_gains(rows, own, pair)
     by = places.set_index("name")
     assert by.loc["pi-creep", "tied"]
     assert gains.loc[0, "gain"] == pytest.approx(0.0, abs=1e-5)
