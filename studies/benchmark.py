@@ -25,13 +25,7 @@ from studies.runner.provenance import describe_origin
 from studies.runner.row_key import hash_sources
 from studies.runner.study import WIDE, Cell, Row, Study
 from studies.standing import DISTRIBUTION, EFFORT, GAIN, Columns, Statistic
-from studies.statistics import (
-    Claim,
-    Statement,
-    draw_forest,
-    judge,
-    mean,
-)
+from studies.statistics import Claim, Statement, draw_forest, judge, mean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -159,29 +153,27 @@ def summarise_stored(compared: pd.DataFrame) -> str:
     controllers = [name for name in (SEARCH, *UNDER) if name in set(compared["controller"])]
     if not controllers or not {*compared["scenario"]} <= {*shipped_names()}:
         return ""
-    rows = read_stored()
-    runs = split_runs(rows, controllers[0])
-    rules = [rule for rule in dict.fromkeys(compared["rule"]) if rule != BASE]
-    gains = {
-        rule: mean(find_gain(runs, rule, BASE))
-        for rule in rules
-        if rule in runs and not standing.find_mark(rule, runs[rule]["over_delivery"].mean())
-    }
-    sentences = []
+    rows, rules, answers = read_stored(), {*compared["rule"]} - {BASE}, []
+    runs, over = split_runs(rows, controllers[0]), "over_delivery"
+    ranked = [rule for rule in runs if not standing.find_mark(rule, runs[rule][over].mean())]
+    gains = {rule: mean(find_gain(runs, rule, BASE)) for rule in ranked if rule in rules}
     for verb, sign in (("gain", 1.0), ("lose", -1.0)):
         sizes = {rule: sign * gain.value for rule, gain in gains.items() if not gain.tied(0.0)}
-        chosen = sorted((rule for rule in sizes if sizes[rule] > 0.0), key=sizes.__getitem__)[::-1]
+        chosen = sorted(
+            (rule for rule in sizes if sizes[rule] > 0.0), key=lambda rule: -sizes[rule]
+        )
         ends = dict.fromkeys(f"{sizes[rule]:.2f}" for rule in [*chosen[-1:], *chosen[:1]])
-        ending = "s" * (len(chosen) == 1)
-        if chosen:
-            sentences += [f"{', '.join(chosen)} {verb}{ending} {' to '.join(ends)} points"]
-    answer = "; ".join(sentences) or "no rule of these gains or loses"
-    unranked = [rule for rule in rules if rule not in runs and rule not in RULES.shipped()]
-    place = f" For {', '.join(unranked)}, run readhesion rank." if unranked else ""
-    return (
-        f"The shipped events were made to show the patent's cases. On {rows['scenario'].nunique()} drawn events, under "
-        f"{controllers[0]}, over {BASE}: {answer} (docs/sharing.md).{place}"
-    )
+        verb += "s" * (len(chosen) == 1)
+        answers += [f"{', '.join(chosen)} {verb} {' to '.join(ends)} points"] if chosen else []
+    text = "The shipped events were made to show the patent's cases."
+    if answers:
+        events = (
+            f"On {rows['scenario'].nunique()} drawn events, under {controllers[0]}, over {BASE}"
+        )
+        text += f" {events}: {'; '.join(answers)} (docs/sharing.md)."
+    if unranked := sorted(rules - {*runs, *RULES.shipped()}):
+        text += f" For {', '.join(unranked)} on drawn events, run readhesion rank."
+    return text
 
 
 # what comes out

@@ -6,7 +6,7 @@ both: `CAUSES` are compared.
 
 import shlex
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import replace
 from html import escape
@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
-from alloc.evaluation.recorded_run import SLIP_FACTOR, RecordedRun
+from alloc.evaluation.recorded_run import SLIP_FACTOR, RecordedRun, record_period
+from alloc.onboard.beliefs import BELIEFS
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
+from alloc.schema.registry import OWN
 from studies import StudyError, standing
 from studies.benchmark import (
     BASE,
@@ -134,12 +135,9 @@ def measure_causes(run: xr.Dataset) -> dict[str, float]:
     unit, limit, plan = arrays.unit, arrays["limit"], arrays["plan"][:, None]
     slipping = np.abs(arrays["slip_velocity"]) > SLIP_FACTOR * arrays["peak_slip"]
 
-    def of_units(reduce: Callable[..., Any], values: NDArray[Any]) -> NDArray[Any]:
-        return np.column_stack(
-            [reduce(values[:, unit == j], axis=1) for j in range(limit.shape[1])]
-        )
-
-    rail, slips = of_units(np.min, arrays["adhesion_limit"]), of_units(np.any, slipping)
+    inside = [unit == j for j in range(limit.shape[1])]
+    rail = np.column_stack([arrays["adhesion_limit"][:, j].min(axis=1) for j in inside])
+    slips = np.column_stack([slipping[:, j].any(axis=1) for j in inside])
     ordered = np.where(np.isinf(arrays["wanted"]), plan, arrays["wanted"])
     motors = arrays.motors / arrays["unit_static_load"]
     within, beyond = (1.0 - BESIDE) * np.minimum(plan, motors), (1.0 + BESIDE) * plan
@@ -148,15 +146,9 @@ def measure_causes(run: xr.Dataset) -> dict[str, float]:
     ordered_harm = still_held | still_forced
     spared = ~slips & (arrays["torque_command"] < 0.9 * arrays["torque_target"])
     counts = arrays.demand[:, None] & (arrays["works"] > 0)
-    causes = {
-        "held": held & ordered_harm,
-        "asked": forced & ordered_harm,
-        "late": (held | forced) & ~ordered_harm,
-        "spared": spared,
-    }
-    shares = {
-        name: float(acts[counts].mean()) if counts.any() else 0.0 for name, acts in causes.items()
-    }
+    causes = {"held": held & ordered_harm, "asked": forced & ordered_harm, "spared": spared}
+    causes["late"] = (held | forced) & ~ordered_harm
+    shares = {name: float(acts.mean(where=counts)) for name, acts in causes.items()}
     streak, longest = np.zeros(unit.size), 0.0
     for slips_now in slipping[arrays.demand]:
         streak = (streak + 1.0) * slips_now
@@ -176,8 +168,11 @@ def find_cause(event: str, pair: Pair) -> str:
         return "no single cause stands out"
     scale, unit, digits = 100.0, "%", 0
     if cause == "slip":
-        demand = RecordedRun(run)
-        scale, unit, digits = float(demand.demand.sum()) * demand.period, "s", 1
+        scale, unit, digits = (
+            float(run["driver_command"].astype(bool).sum()) * record_period(run),
+            "s",
+            1,
+        )
     more, usual = (f"{scale * x[cause]:.{digits}f} {unit}" for x in (shares, base_shares))
     text = CAUSES[cause].format(more)
     return text if base_shares[cause] < 0.5 * BESIDE else f"{text} ({reference}: {usual})"
@@ -186,12 +181,16 @@ def find_cause(event: str, pair: Pair) -> str:
 def replay_command(event: str, pair: Pair) -> str:
     """What makes the run of an event again and draws it: a command, or a call where parts of a program have no file."""
     (rule, controller), figure = pair, f"event-{event[-4:]}.png"
-    shipped = {*RULES.shipped(), *CONTROLLERS.shipped()}
-    if not {*pair} <= shipped and not loaded_files():
+    belief = RULES[rule].belief.name
+    parts = ((RULES, rule), (CONTROLLERS, controller), (BELIEFS, belief))
+    origins = [registry.origin(name) for registry, name in parts if name in registry]
+    modules = [sys.modules[name] for name in origins if name.split(".")[0] not in OWN]
+    files = dict.fromkeys(str(getattr(module, "__file__", "")) for module in modules)
+    if not {*files} <= {*loaded_files()}:
         run = f'readhesion.simulate("{event}", "{rule}", "{controller}")'
         return f'readhesion.plot({run}, "{figure}")'
     tokens, folder = ["readhesion"], Path.cwd()
-    for file in map(Path, loaded_files()):
+    for file in map(Path, files):
         path = file.relative_to(folder) if file.is_relative_to(folder) else file
         tokens += ["--plugin", str(path)]
     tokens += ["simulate", event, "--rule", rule]
@@ -307,13 +306,9 @@ def draw_rank(pair: Pair, places: pd.DataFrame, gains: pd.DataFrame) -> "Figure"
     from matplotlib.figure import Figure
 
     name, reference = compared_parts(*pair)
-    leads = {
-        place.name + place.mark: [_lead_of(place, gains)]
-        for place in places.itertuples()
-        if place.name != name
-    }
+    leads = {place.name: [_lead_of(place, gains)] for place in places.itertuples()}
     parts = {
-        f"{part.events} ({part.number})": [Interval(part.gain, part.low, part.high, part.number)]
+        part.events: [Interval(part.gain, part.low, part.high, part.number)]
         for part in gains.itertuples()
     }
     figure = Figure(figsize=(WIDE, 0.16 * len(places) + 0.9), layout="constrained")
@@ -326,22 +321,17 @@ def draw_rank(pair: Pair, places: pd.DataFrame, gains: pd.DataFrame) -> "Figure"
 
 
 class Ranking(pd.DataFrame):
-    """The places of `rank_study` as a table that prints as the command does; `attrs` have its other tables as rows."""
+    """The places of `rank_study`, printed as the command prints them; `attrs` have "gains" and "worst" as rows."""
 
     def __repr__(self) -> str:
-        return "\n".join(format_rank(self.attrs["pair"], self._tables()))
+        return str(self.attrs["text"])
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(repr(self))}</pre>"
 
-    def _tables(self) -> dict[str, pd.DataFrame]:
-        more = {name: pd.DataFrame(self.attrs[name]) for name in ("gains", "worst")}
-        return {"table": pd.DataFrame(self), **more}
-
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Its forest plot (`matplotlib.figure.Figure`); with a `path` (pdf, png, svg) it is written there."""
-        tables = self._tables()
-        figure = draw_rank(self.attrs["pair"], tables["table"], tables["gains"])
+        figure = draw_rank(self.attrs["pair"], self, pd.DataFrame(self.attrs["gains"]))
         if path is not None:
             figure.savefig(path)
         return figure
@@ -349,22 +339,22 @@ class Ranking(pd.DataFrame):
 
 def make_ranking(pair: Pair, tables: Mapping[str, pd.DataFrame]) -> Ranking:
     """The tables of `rank_study` as one."""
-    ranking = Ranking(tables["table"])
-    ranking.attrs |= {name: tables[name].to_dict(orient="records") for name in ("gains", "worst")}
-    ranking.attrs["pair"] = pair
+    ranking, text = Ranking(tables["table"]), "\n".join(format_rank(pair, tables))
+    rows = {name: tables[name].to_dict(orient="records") for name in ("gains", "worst")}
+    ranking.attrs |= rows | {"pair": pair, "text": text}
     return ranking
 
 
 def announce_time(pair: Pair, folder: str | Path, events: int | None, jobs: int | None) -> None:
-    """Say about how long the runs of a part take, by the first of them, which is made and kept, where that is long.
+    """Say about how long the runs of a user's part take, by the first of them, which is made and kept, where that is long.
 
-    Nothing is said of parts that ship, nor of those that are announced as slow.
+    Of those that `try_own_parts` has announced as slow nothing is said.
     """
-    if {*pair} <= {*RULES.shipped(), *CONTROLLERS.shipped()} or {*pair} & {*slow}:
+    if {*pair} <= {*RULES.shipped(), *CONTROLLERS.shipped(), *slow}:
         return
     study, jobs = rank_study(*pair), jobs or count_cores()
     run_study(study, folder, 1)
     _, lacking, seconds = count_missing(study, folder, events, None)
     if lacking * seconds > LONG * jobs:
-        forecast = forecast_runs(study, folder, events, None, jobs)
-        print(f"readhesion: {forecast}", file=sys.stderr)
+        text = forecast_runs(study, folder, events, None, jobs)
+        print(f"readhesion: {text}", file=sys.stderr)

@@ -106,7 +106,7 @@ def compare(
         shown = "" if work.out == Path("results") else f" --results {work.out}"
         print(f"{_count_rows(rows)} in {folder}; next: readhesion report{shown}")
         if beyond := summarise_stored(rows):
-            _print_line("", beyond)
+            print(fill(beyond, 80, break_on_hyphens=False))
     return 0 if (rows["status"] == "ok").any() else FAILED
 
 

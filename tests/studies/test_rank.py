@@ -79,5 +79,5 @@ def test_a_comparison_says_what_drawn_events_say(controllers):
         size = abs(benchmark.find_gain(runs, rule, "alone").mean())
         assert f"{rule} {verb} {size:.2f} points" in text
     assert "most" not in text
-    assert "For mine, run readhesion rank" in text
+    assert text.endswith("For mine on drawn events, run readhesion rank.")
     assert not benchmark.summarise_stored(rows.assign(scenario="population-65-0000"))
