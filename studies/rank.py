@@ -121,13 +121,15 @@ CAUSES = {
     "asked": "the level above what the rail gives, with slip, in {} of the time",
     "late": "telegrams late: limits that are no longer meant do harm in {} of the time",
     "slip": "a slip that was not readhered for {}",
-    "spared": "torque held back where no wheel slips in {} of the time",
+    "slips": "wheels slip in {} of the time",
+    "spared": "{} of the torque held back where no wheel slips",
 }
 """What may make a part lose, and its words."""
 
 
 def measure_causes(run: xr.Dataset) -> dict[str, float]:
-    """Share of the time under demand, over all units that work, in which each of `CAUSES` acts; of a slip the longest.
+    """Share of the time under demand, over all units that work, in which each of `CAUSES` acts; of a slip the longest,
+    of torque that is held back its share.
 
     A limit is late where the one that the leader has ordered since would do none of the harm that is done.
     """
@@ -144,10 +146,11 @@ def measure_causes(run: xr.Dataset) -> dict[str, float]:
     held, still_held = (x < np.minimum(within, rail) for x in (limit, ordered))
     forced, still_forced = (slips & (x > np.maximum(beyond, rail)) for x in (limit, ordered))
     ordered_harm = still_held | still_forced
-    spared = ~slips & (arrays["torque_command"] < 0.9 * arrays["torque_target"])
+    torque, target = arrays["torque_command"], np.maximum(arrays["torque_target"], 1.0)
+    spared = ~slips * np.clip(1.0 - torque / target, 0.0, 1.0)
     counts = arrays.demand[:, None] & (arrays["works"] > 0)
-    causes = {"held": held & ordered_harm, "asked": forced & ordered_harm, "spared": spared}
-    causes["late"] = (held | forced) & ~ordered_harm
+    causes = {"held": held & ordered_harm, "asked": forced & ordered_harm, "slips": slips}
+    causes |= {"late": (held | forced) & ~ordered_harm, "spared": spared}
     shares = {name: float(acts.mean(where=counts)) for name, acts in causes.items()}
     streak, longest = np.zeros(unit.size), 0.0
     for slips_now in slipping[arrays.demand]:

@@ -58,7 +58,8 @@ def test_causes_are_at_work_where_they_were_put():
     assert causes(RULES["exact"].with_belief("delivered"))["held"] > 0.1
     assert causes("most", "cut-and-ramp")["asked"] > cut["asked"] + 0.05
     assert causes("alone", "none")["slip"] > alone["slip"] + 0.1
-    assert alone["spared"] > cut["spared"] + 0.1  # it rests below the peak, where nothing slips
+    assert alone["spared"] > cut["spared"] + 0.03  # it rests below the peak, where nothing slips
+    assert cut["slips"] > alone["slips"] + 0.1
     early, late = (causes("greedy-tuned", "cut-and-ramp", seconds) for seconds in (0.05, 2.0))
     assert late["late"] > early["late"] + 0.05
 
