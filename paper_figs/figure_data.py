@@ -101,8 +101,8 @@ def _find_look(artist: Any) -> str:
 
 
 def _read_axis(axes: Axes, panels: Sequence[Axes], side: str) -> tuple[str, dict[float, str]]:
-    """What an axis says, or that of a panel in its row or column: its label, and words by where they stand."""
-    label, words = "", dict[float, str]()
+    """What an axis says, or that of a panel in its row or column: its label, and names by where they stand."""
+    label, names = "", dict[float, str]()
     shared = getattr(axes, f"get_shared_{side}_axes")()
     for panel in (axes, *panels):
         ends, beside = (getattr(at.get_position(), f"interval{side}") for at in (axes, panel))
@@ -111,13 +111,13 @@ def _read_axis(axes: Axes, panels: Sequence[Axes], side: str) -> tuple[str, dict
             label = label or " ".join(axis.get_label_text().split())
             texts = [text.get_text() for text in axis.get_ticklabels()]
             places = {text: x for x, text in zip(axis.get_majorticklocs(), texts, strict=False)}
-            words = words or {
+            names = names or {
                 x: text for text, x in places.items() if re.search(r"^[^$]*[^\W\d]", text)
             }
-    return label, words
+    return label, names
 
 
-def _find_word(words: dict[float, str], x: float) -> str:
+def _find_word(names: dict[float, str], x: float) -> str:
     """The word at most half a place away."""
-    place = min(words, key=lambda place: abs(place - x), default=np.inf)
-    return words[place] if abs(place - x) <= 0.5 else ""
+    place = min(names, key=lambda place: abs(place - x), default=np.inf)
+    return names[place] if abs(place - x) <= 0.5 else ""

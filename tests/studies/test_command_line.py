@@ -289,4 +289,4 @@ def test_a_comment_on_a_rule(elsewhere):
         title, *_, last = process.stdout.splitlines()
         assert title == "### even on the first 2 events of the benchmark"
         assert last == "```"
-        assert "even less alone" in process.stdout
+        assert "even minus alone" in process.stdout
