@@ -3,7 +3,7 @@
 Belief       J dw/dt = R T - r N mu, exact over a period; mu and s of each axle pass the same filter, of pole `pole`.
 Search       The slip limit swings, l = s* (1 + a sin p). z_s and z_mu are ln s and ln mu of the axle with most slip, less
              their means, correlated with the answer expected over `memory` (instrumental variables). Elasticity and its
-             certainty are e = z_mu / z_s and c = z_s^2 / (z_s^2 + D). The slip sought follows
+             certainty are e = z_mu / z_s and c = z_s^2 / (z_s^2 + D). The target slip follows
              d ln s*/dt = gain c^2 (e - price s*), within +-`fastest`.
 
 `m` is a row of `mpc.unit.MPC`.
@@ -63,7 +63,7 @@ def observe_axles(unit, axles, m, run):
 
 @jit
 def seek_slip(unit, m, limited, period):
-    """Elasticity of the curve at the axle with most slip, and the slip sought; returns the slip limit [m/s]."""
+    """Elasticity of the curve at the axle with most slip, and the target slip; returns the slip limit [m/s]."""
     m.sought = min(max(m.sought, m.lowest, m.margin * m.noise), m.highest)
     unsure = m.noise / m.sought
     swing = min(max(m.swing, m.loud * unsure), m.most)

@@ -13,6 +13,11 @@ from alloc.compilation import jit
 from mpc import problem
 from mpc.problem import SLIP
 
+NEAR = 1e-3
+"""How near its bound a torque that is pushed against it counts as at it, at most [1] (Bertsekas 1982)."""
+ROUNDING = 1e-13
+"""Relative rise of the cost that rounding explains."""
+
 torque_scale = jit(problem.torque_scale)
 
 
@@ -52,31 +57,33 @@ def plan_torques(m, b, period):
     upper, cost = b.upper / scale, evaluate_cost(m, b, m.torques, scale)
     if not (cost < math.inf and upper >= 0.0):
         return False
+    steepest = math.inf
     for _ in range(20):
         steepest = 0.0
         for k in range(n):
             u, m.step[k] = m.torques[k], m.slope[k]
-            # a torque that stays at its bound keeps its row, of the unit matrix: so the system has one size
-            if (u <= 0.0 and m.slope[k] > 0.0) or (u >= upper and m.slope[k] < 0.0):
-                m.step[k] = 0.0
-                for j in range(n):
-                    m.hessian[k, j] = m.hessian[j, k] = 1.0 if j == k else 0.0
-            steepest = max(steepest, abs(m.step[k]))
-        if steepest < 1e-9:
-            return True
+            steepest = max(steepest, abs(u - min(max(u - m.slope[k], 0.0), upper)))
+        if steepest < 1e-10:
+            break
+        near = min(NEAR, steepest)
+        for k in range(n):
+            u, slope = m.torques[k], m.slope[k]
+            if (u <= near and slope > 0.0) or (u >= upper - near and slope < 0.0):
+                for j in range(n):  # pushed against its bound, it goes there apart from the others
+                    m.hessian[k, j] = m.hessian[j, k] = m.hessian[k, k] if j == k else 0.0
         solve_cholesky(m.step, m.hessian, n)
-        share, trial_cost = 1.0, math.inf
-        while not trial_cost < cost and share > 1e-4:
+        share, trial_cost, enough = 1.0, math.inf, cost * (1.0 + ROUNDING)
+        while not trial_cost <= enough and share > 1e-4:
             for k in range(n):
                 m.trial[k] = min(max(m.torques[k] - share * m.step[k], 0.0), upper)
             trial_cost, share = evaluate_cost(m, b, m.trial, scale), 0.5 * share
-        if not trial_cost < cost:  # rounding hides the rest, or there is no way down
-            return steepest < 1e-3
+        if not trial_cost <= enough:
+            break
         # number by number: past versions of Numba refused to assign a whole column of a row, or did it wrong
         for k in range(n):
             m.torques[k] = m.trial[k]
         cost = trial_cost
-    return False
+    return steepest < 1e-6  # rounding hides the rest
 
 
 @jit

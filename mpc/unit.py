@@ -1,6 +1,6 @@
 """The readhesion MPC of one traction unit: it holds the best slip that the rail offers, and finds it without a known curve.
 
-A control period: readings become a belief (`mpc.belief.observe_axles`), the slip sought moves (`seek_slip`), the problem of
+A control period: readings become a belief (`mpc.belief.observe_axles`), the target slip moves (`seek_slip`), the problem of
 the period is posed (`pose_problem`) and solved, its first torque is commanded (`command_torque`). CasADi solves it in
 "mpc-casadi" (`mpc.problem.plan_row`), its compiled twin in "mpc" (`mpc.plan.plan_torques`); both command the same.
 """
@@ -46,18 +46,18 @@ MPC = Table(
     change_weight=Column(0.758, ONE, "weight w_u of changes of torque", source=TUNED),
     slip_weight=Column(0.949, ONE, "weight w_s of slip beyond its limit", source=TUNED),
     pole=Column(25.0, "s-1", "pole of the filter of the pairs", source="the observer's"),
-    first=Column(0.152, "m s-1", "slip sought at first", source=TUNED),
-    lowest=Column(0.0118, "m s-1", "least slip sought", source=TUNED),
-    highest=Column(1.6, "m s-1", "greatest slip sought", source=ASSUMED),
-    margin=Column(4.0, ONE, "least slip sought over the noise of slip", source=ASSUMED),
+    first=Column(0.152, "m s-1", "target slip at first", source=TUNED),
+    lowest=Column(0.0118, "m s-1", "least target slip", source=TUNED),
+    highest=Column(1.6, "m s-1", "greatest target slip", source=ASSUMED),
+    margin=Column(4.0, ONE, "least target slip over the noise of slip", source=ASSUMED),
     price=Column(0.098, "s m-1", "relative loss of force accepted per slip", source=TUNED),
     swing=Column(0.0456, ONE, "relative swing a of the slip limit", source=TUNED),
     loud=Column(1.5, ONE, "swing over the relative noise of slip, if more", source=TUNED),
     most=Column(0.3, ONE, "greatest swing", source=TUNED),
     turn=Column(31.4, "rad s-1", "angular frequency of the swing", source=ASSUMED),
     memory=Column(0.3, "s", "memory of the search", source=TUNED),
-    gain=Column(15.0, "s-1", "relative speed of the slip sought per elasticity", source=TUNED),
-    fastest=Column(3.0, "s-1", "greatest relative speed of the slip sought", source=TUNED),
+    gain=Column(15.0, "s-1", "relative speed of the target slip per elasticity", source=TUNED),
+    fastest=Column(3.0, "s-1", "greatest relative speed of the target slip", source=TUNED),
     doubt=Column(0.1, ONE, "D over the square of a full answer", source=TUNED),
     least=Column(0.131, ONE, "least elasticity that is predicted with", source=TUNED),
     direction=Column(0.0, ONE, "direction of the demand a period ago; 0: begins anew"),
@@ -65,7 +65,7 @@ MPC = Table(
     speed=Column(NAN, "m s-1", "train speed a period ago"),
     acceleration=Column(0.0, "m s-2", "acceleration of the train, filtered"),
     noise=Column(0.005, "m s-1", "deviation of a slip's noise"),
-    sought=Column(NAN, "m s-1", "slip sought, s*"),
+    sought=Column(NAN, "m s-1", "target slip, s*"),
     phase=Column(NAN, "rad", "phase p of the swing"),
     elasticity=Column(0.5, ONE, "elasticity e of the curve at the axle with most slip"),
     certainty=Column(0.0, ONE, "certainty c of it"),

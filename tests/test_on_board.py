@@ -300,8 +300,10 @@ def test_a_unit_is_measured_from_when_its_air_has_gone_or_not_at_all(gone):
     assert (sure > 0.4 * speed.SHORTEST / H) == (gone < speed.EMPTIED)
 
 
+@pytest.mark.parametrize("returns", [6.0, 0.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_wheel_that_returns_from_slip_of_the_other_direction_is_not_behind_the_train(sign):
+def test_a_wheel_that_slid_in_the_other_direction_is_not_behind_the_train(sign, returns):
+    """Neither while it returns, in m/s2, nor where it stays in its slide without any force."""
     run = RUN.rows(1, reference_speed=20.0, sign=sign, plan=0.1, time=5.0)[0]
     axles, units = AXLE.rows(2, reading=20.0, pull=0.1, unit=0), UNIT.rows(1)
     axles.ahead = [0.0, 3.0]  # the second ran ahead while the train was asked for the other
@@ -309,7 +311,7 @@ def test_a_wheel_that_returns_from_slip_of_the_other_direction_is_not_behind_the
     onboard = ONBOARD.rows(1, train_mass=1e5)[0]
     for k in range(60):
         run.time = 5.0 + k * H
-        axles.reading[1] = 20.0 - sign * max(3.0 - 6.0 * k * H, 0.0)
+        axles.reading[1] = 20.0 - sign * max(3.0 - returns * k * H, 0.0)
         speed.estimate_speed(axles, units, BRAKE.rows(0), onboard, 0.0, run)
         assert run.reference_speed == pytest.approx(20.0, abs=0.15), k
 

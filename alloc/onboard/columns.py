@@ -43,6 +43,7 @@ AXLE = Table(
     ahead=Column(0.0, "m s-1", "how far it runs ahead of the reference speed, mean of the last tenth of a second"),
     pull=Column(0.0, ONE, "force of its motor at the rim over its load, without sign"),
     shoe=Column(0.0, ONE, "force of its shoes at the rim over its load"),
+    slid=Column(0, ONE, "whether it was in a deep slide when the demand turned round, and has not returned since"),
     free=Column(0.0, "s", "time for which hardly any force acts on it, and it does not return from slip"),
     slide=Column(0.0, "m s-1", "its slide behind the filter of the slide protection"),
 )

@@ -2,7 +2,8 @@
 
 The momentum balance foresees the speed, and axles measure it. Pulling or braking, an axle ahead of the train slips:
 
-- No axle runs behind the train. The one that runs least ahead bounds the speed from one side, always.
+- No axle runs behind the train. The one that runs least ahead bounds the speed from one side, always; but what slides deep
+  when the demand turns round is behind then, and says nothing until it has returned.
 - While nothing holds an axle back, that axle measures the speed. Where readhesion control or slide protection holds one
   back, and for some time after, all may creep, and it does not.
 - An axle on which hardly any force acts rolls, and is sure. Once the deviation exceeds `doubt`, one unit after the other is
@@ -88,7 +89,8 @@ def weigh_axles(axles, units, brakes, run):
     Returns it of the axle that is least ahead of all, and of the one that measures the speed; and whether that is sure.
     """
     h, least, eased, free = run.period, math.inf, math.inf, math.inf
-    most = FREE * max(run.plan, LEAST_PLAN)
+    most, deep = FREE * max(run.plan, LEAST_PLAN), FAR + 4.0 * run.reference_deviation
+    turned = run.time < run.turned + 2.0 * MEAN_TIME
     for b in brakes:
         if b.valve != 0.0 and run.braking:
             run.verge = run.time
@@ -105,7 +107,13 @@ def weigh_axles(axles, units, brakes, run):
         # it runs away, or returns from slip of the other direction
         leaves = ahead - a.ahead > RETURNING * MEAN_TIME
         clasped = a.shoe > most
-        if not leaves and not (clasped and run.sign > 0.0):  # released brakes still hold a slide
+        released = clasped and run.sign > 0.0  # brakes that still hold a slide
+        if (turned or released) and a.ahead < -deep:
+            a.slid = 1
+        if a.slid and a.ahead < -FAR:
+            continue
+        a.slid = 0
+        if not leaves and not released:
             least = min(least, a.ahead)
         rests = a.pull + a.shoe <= most and not returns and not leaves
         a.free = a.free + h if rests else 0.0
@@ -119,10 +127,10 @@ def weigh_axles(axles, units, brakes, run):
                 u.returns = 1
             elif u.eased < 1.0 and run.easing > 0.5 * SHORTEST and not clasped:
                 eased = min(eased, a.ahead)
-    if run.time < run.turned + 2.0 * MEAN_TIME:  # which wheels return is not known yet
+    if turned:  # which wheels return is not known yet
         return math.inf, math.inf, False
     sure = min(eased, free)
-    if sure < least + NEAR and abs(sure) < FAR + 4.0 * run.reference_deviation:
+    if sure < least + NEAR and abs(sure) < deep:
         return least, sure, True
     return least, least if run.time >= run.verge + AFTER else math.inf, False
 

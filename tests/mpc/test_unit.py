@@ -36,7 +36,7 @@ def test_where_nothing_slips_the_torque_settles_at_the_target_and_is_never_beyon
 
 @looped("power", (0.2, 0.5))
 def test_the_search_hears_the_elasticity_of_a_curve(power):
-    still = CONTROLLER.tuned(gain=1e-9)  # the slip sought stays, so the curve is s^power about it
+    still = CONTROLLER.tuned(gain=1e-9)  # the target slip stays, so the curve is s^power about it
     *_, memory = drive(still, lambda t: 0.08, 0.08, power=power)
     assert memory.view(MPC.dtype)[0].elasticity == pytest.approx(power, abs=0.05)
 
