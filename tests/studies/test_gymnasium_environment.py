@@ -13,7 +13,7 @@ from alloc.run.simulation import simulate
 from alloc.schema.errors import InputError
 from studies import StudyError
 from studies.files.scenario_files import load_scenario
-from studies.gymnasium_environment import PRICE, ReadhesionEnvironment
+from studies.gymnasium_environment import PRICE, ReadhesionEnvironment, play_event
 
 
 def short(name):
@@ -32,7 +32,7 @@ def play(env, agent, info=None, steps=10_000):
 
 @pytest.mark.parametrize("given", [{}, {"units": [1], "others": "none"}, {"scenario": "wet-stop"}])
 def test_gymnasium_accepts_it(given):
-    check_env(gymnasium.make("readhesion/train-v0", **given).unwrapped)
+    check_env(gymnasium.make("readhesion/train-v0", **given).unwrapped)  # its pictures too
     for units in (np.array([0]), range(1), (0,), 0):
         assert ReadhesionEnvironment(units=units).units == [0]
 
@@ -64,9 +64,33 @@ def test_a_copy_goes_on_as_the_original_does(again):
     assert other.reset()[1]["event_seed"] == env.reset()[1]["event_seed"]
 
 
+def test_a_picture_shows_the_instant_and_a_copy_the_same():
+    env = ReadhesionEnvironment(short("wet-start"), units=[1], render_mode="rgb_array")
+    env.reset(seed=4)
+    first = env.render()
+    play(env, lambda _: [1.0], steps=300)
+    assert first.shape == (240, 640, 3)
+    assert (env.render() != first).any()
+    np.testing.assert_array_equal(copy.deepcopy(env).render(), env.render())
+
+
+def test_a_baseline_is_the_run_of_its_controller():
+    env = ReadhesionEnvironment(short("wet-start"), others="cut-and-ramp")
+    total = play_event(env, 2)
+    own = simulate(env.scenario.event(2), "cooperative", "cut-and-ramp")
+    np.testing.assert_allclose(env.simulation.recorded()["speed"], own["speed"], rtol=1e-9)
+    assert 0.0 < total < 1.0
+
+
 def test_what_cannot_be_is_said():
     wrong = [{"units": one} for one in ([8], [-1], [0.0], [1, 1], [], True, "0")]
-    for given in (*wrong, {"others": "mcp"}, {"rule": "oracle"}, {"scenario": 5}):
+    for given in (
+        *wrong,
+        {"others": "mcp"},
+        {"rule": "oracle"},
+        {"scenario": 5},
+        {"render_mode": "human"},
+    ):
         with pytest.raises(InputError, match=str(*given.values()).strip("[]") or "distinct"):
             ReadhesionEnvironment(**given)
     env = ReadhesionEnvironment(short("wet-start"), units=[0])
