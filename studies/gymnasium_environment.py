@@ -225,4 +225,4 @@ gymnasium.register(
 )
 
 if __name__ == "__main__":
-    print(markdown_table(tabulate_returns(events=60)), end="")
+    print(markdown_table(tabulate_returns(events=30)), end="")

@@ -12,9 +12,8 @@ PATHS = sorted(Path(__file__).parents[2].glob("docs/notebooks/*.ipynb"))
 def run_notebook(path, folder):
     """The notebook with what its cells print now; it runs in `folder`."""
     notebook = nbformat.read(path, 4)
-    options = {"startup_timeout": 600, "record_timing": False}
-    client = NotebookClient(notebook, resources={"metadata": {"path": folder}}, **options)
-    client.create_kernel_manager().transport = "ipc"  # no ports
+    where = {"metadata": {"path": folder}}
+    client = NotebookClient(notebook, resources=where, startup_timeout=600, record_timing=False)
     return client.execute()
 
 
