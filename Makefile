@@ -7,7 +7,7 @@ TOOLS  := $(VENV)/.tools-installed
 DOCS   := $(VENV)/.docs-installed
 INSTALL = $(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python -c constraints.txt -e
 STUDY  ?= claims braking learning readhesion_paper jp4209318 rtri jph07322414 \
-  tuning assumptions mpc_parts measured
+  tuning assumptions mpc_parts conditioning optimum measured
 
 # small matrices everywhere: threads of BLAS would wait for each other
 export OPENBLAS_NUM_THREADS := 1
@@ -52,7 +52,7 @@ results: compare     ## compute the tables of the pages again, or those of one S
 	$(BIN)/readhesion benchmark --seed 66 --events 100 --out results/second > /dev/null
 	cp results/second/benchmark/table.csv docs/tables/benchmark-second.csv
 	for study in $(STUDY); do $(BIN)/readhesion sweep $$study > /dev/null && \
-	  for table in table statements; do test ! -f results/$$study/$$table.md || \
+	  for table in table map statements; do test ! -f results/$$study/$$table.md || \
 	    cp results/$$study/$$table.md docs/tables/$$study-$$table.md; done || exit; done
 
 notebooks: setup     ## run the notebooks, and store what they print

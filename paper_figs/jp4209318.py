@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from alloc.evaluation.metrics import damage, distance
 from alloc.laws import speed_law
 from alloc.plant.columns import PLANT, WHEELSET
+from paper_figs.sharing import study_figure
 from paper_figs.style import WIDE, Drawing
 from studies.jp4209318 import CALIBRATED, TABLE_3, TABLE_4, run_stop
 
@@ -125,6 +126,14 @@ FIGURES = {
         draw_tables,
         "Tables 3 and 4: braking distance and wheel damage, printed, by the calibrated set, and by all sets.",
         study="jp4209318",
+        source="jp4209318",
+    ),
+    "cleaned-rail": Drawing(
+        study_figure("conditioning"),
+        "Par. 0051, a train of four units in balance at 10 m/s where wheels clean the rail: slip of the foremost units over "
+        "the others' at the optimum; white: effort that it wins at equal damage over one slip for all; above orange "
+        "all should slide.",
+        study="conditioning",
         source="jp4209318",
     ),
 }

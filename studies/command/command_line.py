@@ -193,6 +193,51 @@ HEADLINES = (
 
 
 @app.command
+def optimum(
+    scenario: str,
+    *,
+    rules: Names = None,
+    controllers: Names = None,
+    seed: Seed | None = None,
+    figure: Path | None = None,
+    as_json: Json = False,
+) -> int:
+    """Find the least wheel damage of a slip event at the end speed of each strategy, and what it dissipates above that.
+
+    Args:
+        scenario: Name of a shipped scenario or of a drawn event, as population-65-0002, or a TOML file.
+        rules: Allocation rules [default: alone, cooperative].
+        controllers: Readhesion controllers [default: perturb-observe, mpc].
+        seed: Seed of what the event draws; 0 is the event as its file says [default: 0, or a drawn event's number].
+        figure: File for a figure of the first strategy beside the optimum (pdf, png or svg).
+        as_json: Print JSON instead.
+    """
+    import paper_figs
+    from studies import optimum as study
+    from studies.files.scenario_files import load_scenario
+    from studies.run_cell import event_of
+    from studies.runner.plugins import try_own_parts
+    from studies.runner.rows import markdown_table
+    from studies.runner.study import show_progress
+
+    event, pairs = load_scenario(scenario), study.choose_pairs(rules, controllers)
+    check_file(figure, ".pdf", ".png", ".svg")
+    try_own_parts(rules or (), controllers or ())
+    start = event_of(event, event.first_seed if seed is None else seed)
+    with show_progress("optimum", len(pairs), False) as advance:
+        comparison = study.compare_with_optimum(start, pairs, advance)
+    if as_json:
+        _print_json(comparison.rows)
+    else:
+        print(markdown_table(study.lay_out(comparison.rows)), end="")
+    _print_messages(*(row["reason"] for row in comparison.rows if "least" not in row))
+    solved = any(comparison.optima)
+    if figure is not None and solved:
+        paper_figs.save(lambda: study.draw_beside(comparison), figure)
+    return 0 if solved else FAILED
+
+
+@app.command
 def sweep(
     study: str, *, events: Count | None = None, seed: Seed | None = None, work: Sweep = SWEEP
 ) -> int:

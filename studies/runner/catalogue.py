@@ -21,6 +21,7 @@ STUDIES = (
     "tuning",
     "assumptions",
     "mpc_parts",
+    "conditioning",
     "claims",
     "braking",
     "learning",
@@ -30,6 +31,7 @@ STUDIES = (
     "jph07322414",
     "measured",
     "solvers",
+    "optimum",
 )
 
 

@@ -39,6 +39,7 @@ APART = (
     "alloc.conformance",
     "alloc.rules.conformance",
     "mpc.optimum",
+    "mpc.plant",
 )
 """What of `alloc` and `mpc` no run uses: it counts where a function names it."""
 LIBRARIES = ("numpy", "numba", "llvmlite", "casadi", "osqp", "cvxpy")
