@@ -187,7 +187,9 @@ def draw_axles(agents: NDArray[np.bool_]) -> tuple[Any, ...]:
     """A canvas, and bars of each axle: what the rail offers, what is carried, slip; axles of `agents` (n,) in orange."""
     figure = Figure(figsize=(6.4, 2.4), dpi=100)
     left, right = figure.subplots(1, 2)
-    figure.subplots_adjust(0.09, 0.2, 0.98, 0.88, 0.25)  # a constrained layout takes longer than to draw
+    figure.subplots_adjust(
+        0.09, 0.2, 0.98, 0.88, 0.25
+    )  # a constrained layout takes longer than to draw
     number = np.arange(1, agents.size + 1)
     colours = np.where(agents, "tab:orange", "tab:blue").tolist()
     offered = left.bar(number, 0.0 * number, width=0.9, color="0.85")
