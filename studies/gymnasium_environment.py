@@ -25,7 +25,7 @@ from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario
 from studies.population import population
 from studies.runner.rows import markdown_table
-from studies.statistics import mean
+from studies.statistics import in_digits, mean
 
 Floats = NDArray[np.float64]
 TORQUES = ("motor_torque", "torque_target", "drive_limit", "brake_limit")
@@ -217,7 +217,7 @@ def tabulate_returns(events: int) -> pd.DataFrame:
     for name in BASELINES:
         patch = play_event(ReadhesionEnvironment(others=name), 0)
         returns = [play_event(ReadhesionEnvironment(x, others=name), 0) for x in scenarios]
-        rows.append((name, patch, mean(returns).text(3), f"{min(returns):.3f}"))
+        rows.append((name, patch, mean(returns).text(3), in_digits(min(returns), 3, False)))
     heads = ["controller", "wet-patch", f"{events} events of the benchmark [95 %]", "worst"]
     return pd.DataFrame(rows, columns=heads)
 
