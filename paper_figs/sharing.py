@@ -221,4 +221,10 @@ FIGURES = {
         "damage and the jerk that they cause, each with its knob at several values.",
         study="benchmark",
     ),
+    "optimum": Drawing(
+        study_figure("optimum"),
+        "Wheel damage above the least with which 20 starts could reach the same end speed, summed: most is dissipated while "
+        "an axle is beyond the peak of its curve, little by the split among units.",
+        study="optimum",
+    ),
 }

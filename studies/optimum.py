@@ -164,7 +164,7 @@ STRATEGIES = (
 
 
 MOST_AXLES = 16
-"""Driven axles of a train in the study: of 40, an optimum takes minutes instead of seconds."""
+"""Driven axles of a train in the study, so that it takes minutes: an optimum of 8 axles takes 1 s, of 40 axles 10 s."""
 
 
 def cells(events: int, seed: int) -> list[Cell]:
