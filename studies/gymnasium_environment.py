@@ -120,7 +120,7 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         observation, info = self._observe_units()
         return observation, float(effort - PRICE * work), False, self._ended, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """This instant as a picture (240, 640, 3): what each axle carries of what the rail offers it, and its slip."""
         if self.render_mode is None:
             return None
