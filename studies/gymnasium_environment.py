@@ -37,8 +37,6 @@ PRICE = 1e-4
 """Of a kilojoule of friction work, assumed: 100 kJ cost 1 % of the effort."""
 BASELINES = ("none", "cut-and-ramp", "perturb-observe", "mpc")
 """Controllers whose returns an agent is compared with."""
-MOST_SLIP = 1.0
-"""Height of the picture's panel of slip [m/s]."""
 
 
 class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
@@ -68,8 +66,6 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
 
         Raises `StudyError` for a unit that the train does not have, `InputError` for an unknown controller or rule.
         """
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise StudyError(f"render_mode = {render_mode!r:.40}: give 'rgb_array' or None")
         if not isinstance(scenario, Scenario):
             scenario = load_scenario(scenario)
         self.scenario = scenario
@@ -121,19 +117,21 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         return observation, float(effort - PRICE * work), False, self._ended, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """This instant as a picture (240, 640, 3): what each axle carries of what the rail offers it, and its slip."""
+        """The instant as a picture (240, 640, 3): adhesion and slip of all axles, those of the agent in orange."""
         if self.render_mode is None:
             return None
-        world = self.simulation.world
-        run, axles = world.run[0], world.wheelsets
-        if "_picture" not in vars(self):
-            self._picture = draw_axles(np.isin(axles.unit, self.units))
-        canvas, *bars = self._picture
-        along = run.sign * axles.coefficient, run.sign * axles.slip_velocity
-        for container, heights in zip(bars, (axles.offered, *along), strict=True):
-            for bar, height in zip(container, heights.tolist(), strict=True):
-                bar.set_height(height)
-        canvas.figure.suptitle(f"{run.time:.2f} s, {3.6 * axles.rim_speed.min():.0f} km/h")
+        run, axles = self.simulation.world.run[0], self.simulation.world.wheelsets
+        figure, number = Figure(figsize=(6.4, 2.4), dpi=100), np.arange(1, axles.size + 1)
+        left, right = figure.subplots(1, 2)
+        figure.subplots_adjust(0.09, 0.2, 0.98, 0.88, 0.25)  # a constrained layout takes longer
+        colours = np.where(np.isin(axles.unit, self.units), "tab:orange", "tab:blue").tolist()
+        left.bar(number, axles.offered, width=0.9, color="0.85")
+        left.bar(number, run.sign * axles.coefficient, width=0.6, color=colours)
+        right.bar(number, run.sign * axles.slip_velocity, width=0.6, color=colours)
+        left.set(xlabel="axle", ylabel="offered, carried [1]", ylim=(0.0, 0.3))
+        right.set(xlabel="axle", ylabel="slip [m/s]", ylim=(0.0, 1.0))
+        figure.suptitle(f"{run.time:.2f} s, {3.6 * axles.rim_speed.min():.0f} km/h")
+        canvas = FigureCanvasAgg(figure)
         canvas.draw()
         return np.array(canvas.buffer_rgba())[..., :3]
 
@@ -171,8 +169,7 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         return np.clip(values, -MOST, MOST), info | {"others": np.array(shares)}
 
     def __getstate__(self) -> dict[str, Any]:
-        again = ("simulation", "_picture")
-        return {name: value for name, value in vars(self).items() if name not in again}
+        return {name: value for name, value in vars(self).items() if name != "simulation"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
@@ -181,23 +178,6 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
             self._begin_event(self._event_seed)
             for shares in played:
                 self._run_period(shares)
-
-
-def draw_axles(agents: NDArray[np.bool_]) -> tuple[Any, ...]:
-    """A canvas, and bars of each axle: what the rail offers, what is carried, slip; axles of `agents` (n,) in orange."""
-    figure = Figure(figsize=(6.4, 2.4), dpi=100)
-    left, right = figure.subplots(1, 2)
-    figure.subplots_adjust(
-        0.09, 0.2, 0.98, 0.88, 0.25
-    )  # a constrained layout takes longer than to draw
-    number = np.arange(1, agents.size + 1)
-    colours = np.where(agents, "tab:orange", "tab:blue").tolist()
-    offered = left.bar(number, 0.0 * number, width=0.9, color="0.85")
-    carried = left.bar(number, 0.0 * number, width=0.6, color=colours)
-    slip = right.bar(number, 0.0 * number, width=0.6, color=colours)
-    left.set(xlabel="axle", ylabel="offered, carried [1]", ylim=(0.0, 0.3))
-    right.set(xlabel="axle", ylabel="slip [m/s]", ylim=(0.0, MOST_SLIP))
-    return FigureCanvasAgg(figure), offered, carried, slip
 
 
 def play_event(environment: ReadhesionEnvironment, event_seed: int) -> float:

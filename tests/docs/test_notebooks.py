@@ -16,20 +16,13 @@ def run_notebooks(folder):
     One kernel runs all, without the names of those before: to start one and import takes longer than they do.
     """
     notebooks = {path: nbformat.read(path, 4) for path in PATHS}
-    cells = [
-        cell
-        for notebook in notebooks.values()
-        for cell in (nbformat.v4.new_code_cell("%reset -f"), *notebook.cells)
-    ]
+    whole = nbformat.v4.new_notebook()
+    for notebook in notebooks.values():
+        whole.cells += [nbformat.v4.new_code_cell("%reset -f"), *notebook.cells]
     options = {"startup_timeout": 600, "record_timing": False, "coalesce_streams": True}
-    whole = nbformat.v4.new_notebook(cells=cells)
     NotebookClient(whole, resources={"metadata": {"path": folder}}, **options).execute()
     for cell in code_cells(whole):
-        cell.execution_count = None
         cell.outputs = [shown for shown in cell.outputs if shown.get("name") != "stderr"]
-        for shown in cell.outputs:
-            if "execution_count" in shown:
-                shown.execution_count = None
     return notebooks
 
 
