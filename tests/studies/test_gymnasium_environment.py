@@ -77,13 +77,7 @@ def test_a_picture_shows_the_instant_and_a_copy_the_same():
 
 def test_what_cannot_be_is_said():
     wrong = [{"units": one} for one in ([8], [-1], [0.0], [1, 1], [], True, "0")]
-    for given in (
-        *wrong,
-        {"others": "mcp"},
-        {"rule": "oracle"},
-        {"scenario": 5},
-        {"render_mode": "human"},
-    ):
+    for given in (*wrong, {"others": "mcp"}, {"rule": "oracle"}, {"scenario": 5}):
         with pytest.raises(InputError, match=str(*given.values()).strip("[]") or "distinct"):
             ReadhesionEnvironment(**given)
     env = ReadhesionEnvironment(short("wet-start"), units=[0])
