@@ -13,7 +13,7 @@ STUDY  ?= claims braking learning readhesion_paper jp4209318 rtri jph07322414 \
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare report figures results docs test bench scaling peers lint types clean
+.PHONY: help setup compare report figures results notebooks docs test bench scaling peers lint types clean
 
 help:      ## list the targets
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
@@ -54,6 +54,9 @@ results: compare     ## compute the tables of the pages again, or those of one S
 	for study in $(STUDY); do $(BIN)/readhesion sweep $$study > /dev/null && \
 	  for table in table map statements; do test ! -f results/$$study/$$table.md || \
 	    cp results/$$study/$$table.md docs/tables/$$study-$$table.md; done || exit; done
+
+notebooks: setup     ## run the notebooks, and store what they print
+	$(BIN)/python -m tests.docs.test_notebooks
 
 docs: $(DOCS)        ## build the documentation site into build/docs; a warning is an error
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs build/docs

@@ -26,7 +26,8 @@ html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 html_show_copyright = html_show_sourcelink = html_copy_source = False
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
+nb_execution_mode = "off"  # outputs are stored; tests/docs/test_notebooks.py runs the notebooks
 exclude_patterns = ["paper", "pull_request_template.md"]
 suppress_warnings = ["toc.not_included"]  # of stored tables, which pages include and link to
 myst_enable_extensions = ["dollarmath"]

@@ -1,7 +1,8 @@
 """A slip event as an environment of Gymnasium: the agent is the readhesion controller of some units of the train, or of all.
 
 A step is a control period of `Simulation`, so plant, sensors, telegrams and rule are those of every other run. Needs
-the extra `gym`. Importing this module registers the environment as ``readhesion/train-v0``.
+the extra `gym`. Importing this module registers the environment as ``readhesion/train-v0``. As a program it prints the
+returns of `BASELINES`.
 """
 
 from collections.abc import Sequence
@@ -9,7 +10,10 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+import pandas as pd
 from gymnasium import spaces
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from alloc.onboard.controllers import CONTROLLERS
@@ -19,6 +23,9 @@ from alloc.run.simulation import COMMAND, Simulation
 from studies import StudyError
 from studies.files.scenario import Scenario
 from studies.files.scenario_files import load_scenario
+from studies.population import population
+from studies.runner.rows import markdown_table
+from studies.statistics import in_digits, mean
 
 Floats = NDArray[np.float64]
 TORQUES = ("motor_torque", "torque_target", "drive_limit", "brake_limit")
@@ -28,6 +35,8 @@ MOST = 150.0
 """Bound of every observation: no train is as fast [m/s], and no coefficient as large."""
 PRICE = 1e-4
 """Of a kilojoule of friction work, assumed: 100 kJ cost 1 % of the effort."""
+BASELINES = ("none", "cut-and-ramp", "perturb-observe", "mpc")
+"""Controllers whose returns an agent is compared with."""
 
 
 class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
@@ -40,10 +49,10 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
     command.
 
     `reset(seed=)` draws the event's seed, `options={"event_seed": k}` states it; 0 is the event as in its file. A copy, or
-    what comes out of a pickle, has played the episode again up to that instant.
+    what comes out of a pickle, has played the episode again up to that instant. `render_mode="rgb_array"` gives pictures.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own)
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 100}  # noqa: RUF012 (Gymnasium's own)
 
     def __init__(
         self,
@@ -51,6 +60,7 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         rule: str = "cooperative",
         units: Sequence[int] | None = None,
         others: str = "perturb-observe",
+        render_mode: str | None = None,
     ) -> None:
         """`units`: numbers of the agent's, 0 = foremost; all if None. `others`: controller of the rest.
 
@@ -72,6 +82,8 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         size = sum(2 + int(axles[j]) + len(TORQUES) + len(STATES) for j in self.units)
         self.observation_space = spaces.Box(-MOST, MOST, (size,), dtype=np.float64)
         self.action_space = spaces.Box(0.0, 1.0, (len(self.units),), dtype=np.float64)
+        rate = round(1.0 / float(world.run[0].period))
+        self.render_mode, self.metadata = render_mode, self.metadata | {"render_fps": rate}
         self._ended = True
 
     def reset(
@@ -103,6 +115,25 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
         effort = min(max(force, 0.0), abs(planned)) / (np.abs(self._plan).sum() or 1.0)
         observation, info = self._observe_units()
         return observation, float(effort - PRICE * work), False, self._ended, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The instant as a picture (240, 640, 3): adhesion and slip of all axles, those of the agent in orange."""
+        if self.render_mode is None:
+            return None
+        run, axles = self.simulation.world.run[0], self.simulation.world.wheelsets
+        figure, number = Figure(figsize=(6.4, 2.4), dpi=100), np.arange(1, axles.size + 1)
+        left, right = figure.subplots(1, 2)
+        figure.subplots_adjust(0.09, 0.2, 0.98, 0.88, 0.25)  # a constrained layout takes longer
+        colours = np.where(np.isin(axles.unit, self.units), "tab:orange", "tab:blue").tolist()
+        left.bar(number, axles.offered, width=0.9, color="0.85")
+        left.bar(number, run.sign * axles.coefficient, width=0.6, color=colours)
+        right.bar(number, run.sign * axles.slip_velocity, width=0.6, color=colours)
+        left.set(xlabel="axle", ylabel="offered, carried [1]", ylim=(0.0, 0.3))
+        right.set(xlabel="axle", ylabel="slip [m/s]", ylim=(0.0, 1.0))
+        figure.suptitle(f"{run.time:.2f} s, {3.6 * axles.rim_speed.min():.0f} km/h")
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        return np.array(canvas.buffer_rgba())[..., :3]
 
     def _begin_event(self, event_seed: int) -> None:
         event = self.scenario.event(event_seed)
@@ -149,6 +180,31 @@ class ReadhesionEnvironment(gymnasium.Env[Floats, Floats]):
                 self._run_period(shares)
 
 
+def play_event(environment: ReadhesionEnvironment, event_seed: int) -> float:
+    """Return of an event in which the agent does as the controller `others`."""
+    _, info = environment.reset(options={"event_seed": event_seed})
+    total, ended = 0.0, False
+    while not ended:
+        _, reward, _, ended, info = environment.step(np.clip(info["others"], 0.0, 1.0))
+        total += reward
+    return total
+
+
+def tabulate_returns(events: int) -> pd.DataFrame:
+    """Returns of `BASELINES`, a row each: on `wet-patch`, and over the first `events` of the benchmark."""
+    scenarios = [population.event(population.SEED, k) for k in range(events)]
+    rows = []
+    for name in BASELINES:
+        patch = play_event(ReadhesionEnvironment(others=name), 0)
+        returns = [play_event(ReadhesionEnvironment(x, others=name), 0) for x in scenarios]
+        rows.append((name, patch, mean(returns).text(3), in_digits(min(returns), 3, False)))
+    heads = ["controller", "wet-patch", f"{events} events of the benchmark [95 %]", "worst"]
+    return pd.DataFrame(rows, columns=heads)
+
+
 gymnasium.register(
     "readhesion/train-v0", entry_point=f"{__name__}:{ReadhesionEnvironment.__name__}"
 )
+
+if __name__ == "__main__":
+    print(markdown_table(tabulate_returns(events=30)), end="")

@@ -13,7 +13,7 @@ from alloc.run.simulation import simulate
 from alloc.schema.errors import InputError
 from studies import StudyError
 from studies.files.scenario_files import load_scenario
-from studies.gymnasium_environment import PRICE, ReadhesionEnvironment
+from studies.gymnasium_environment import PRICE, ReadhesionEnvironment, play_event
 
 
 def short(name):
@@ -32,7 +32,7 @@ def play(env, agent, info=None, steps=10_000):
 
 @pytest.mark.parametrize("given", [{}, {"units": [1], "others": "none"}, {"scenario": "wet-stop"}])
 def test_gymnasium_accepts_it(given):
-    check_env(gymnasium.make("readhesion/train-v0", **given).unwrapped)
+    check_env(gymnasium.make("readhesion/train-v0", **given).unwrapped)  # its pictures too
     for units in (np.array([0]), range(1), (0,), 0):
         assert ReadhesionEnvironment(units=units).units == [0]
 
@@ -42,6 +42,7 @@ def test_an_agent_that_does_as_a_controller_makes_its_run_and_is_paid_for_it(nam
     env = ReadhesionEnvironment(short(name), others="perturb-observe")
     _, info = env.reset(options={"event_seed": 2})
     total = play(env, lambda info: info["others"], info)[:, -1].sum()
+    assert play_event(env, 2) == pytest.approx(total, rel=1e-12)
     run = env.simulation.recorded()
     own = simulate(env.scenario.event(2), "cooperative", "perturb-observe")
     for variable in ("speed", "rim_speed", "torque_command", "rail_force"):
@@ -62,6 +63,16 @@ def test_a_copy_goes_on_as_the_original_does(again):
     other = again(env)
     np.testing.assert_array_equal(play(other, lambda _: [0.8]), play(env, lambda _: [0.8]))
     assert other.reset()[1]["event_seed"] == env.reset()[1]["event_seed"]
+
+
+def test_a_picture_shows_the_instant_and_a_copy_the_same():
+    env = ReadhesionEnvironment(short("wet-start"), units=[1], render_mode="rgb_array")
+    env.reset(seed=4)
+    first = env.render()
+    play(env, lambda _: [1.0], steps=300)
+    assert first.shape == (240, 640, 3)
+    assert (env.render() != first).any()
+    np.testing.assert_array_equal(copy.deepcopy(env).render(), env.render())
 
 
 def test_what_cannot_be_is_said():
