@@ -48,7 +48,7 @@ figures: $(STAMP)    ## draw the figures of the papers
 results: compare     ## compute the tables of the pages again, or those of one STUDY
 	cp results/compare/table.md docs/tables/compare-table.md
 	$(BIN)/readhesion benchmark --store docs/tables/benchmark.parquet > /dev/null
-	for table in table controllers front statements; do cp results/benchmark/$$table.md docs/tables/benchmark-$$table.md; done
+	for table in table controllers parts front statements; do cp results/benchmark/$$table.md docs/tables/benchmark-$$table.md; done
 	$(BIN)/readhesion benchmark --seed 66 --events 100 --out results/second > /dev/null
 	cp results/second/benchmark/table.csv docs/tables/benchmark-second.csv
 	for study in $(STUDY); do $(BIN)/readhesion sweep $$study > /dev/null && \

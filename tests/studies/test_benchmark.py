@@ -70,6 +70,8 @@ def test_tables_have_a_row_for_each_pair(rows):
     assert set(alone) == {"+0.00"}
     controllers = benchmark.tabulate_controllers(rows).set_index("controller")
     assert controllers.loc["perturb-observe", "over perturb-observe [points]"] == "+0.00"
+    parts = benchmark.tabulate_parts(rows).set_index("controller")
+    assert parts.loc["perturb-observe", "starts"] == "+0.00"
     points = benchmark.tabulate_front(rows)
     own = points[points["own"]].set_index("controller")["used [%]"]
     used = benchmark.split_runs(rows, "alone")["cut-and-ramp"]["bound_use"].mean() * 100.0
