@@ -7,7 +7,7 @@ TOOLS  := $(VENV)/.tools-installed
 DOCS   := $(VENV)/.docs-installed
 INSTALL = $(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python -c constraints.txt -e
 STUDY  ?= claims braking learning readhesion_paper jp4209318 rtri jph07322414 \
-  tuning assumptions mpc_parts conditioning optimum measured
+  tuning assumptions mpc_parts mpc_settings conditioning optimum measured
 
 # small matrices everywhere: threads of BLAS would wait for each other
 export OPENBLAS_NUM_THREADS := 1

@@ -21,6 +21,7 @@ STUDIES = (
     "tuning",
     "assumptions",
     "mpc_parts",
+    "mpc_settings",
     "conditioning",
     "claims",
     "braking",
