@@ -69,7 +69,7 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
         change: part.set_index("scenario") for change, part in good.groupby(["setting", "factor"])
     }
     mpc, whole = CONTROLLERS["mpc"], runs[AS_IT_SHIPS]
-    symbols = {u.si: u.symbol for u in UNITS if u.factor == 1.0}
+    symbols = {u.si: u.symbol for u in UNITS if u.factor == 1.0} | {"rad s-1": "rad/s"}
     for name in mpc.settings:
         column = mpc.memory.columns[name]
         unit = "" if column.unit == "1" else f" {symbols.get(column.unit, column.unit)}"
