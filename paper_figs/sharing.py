@@ -223,7 +223,7 @@ FIGURES = {
     ),
     "optimum": Drawing(
         study_figure("optimum"),
-        "Wheel damage above the least with which 20 starts could reach the same end speed, summed: most is dissipated while "
+        "Wheel damage above the least with which drawn starts could reach the same end speed, summed: most is dissipated while "
         "an axle is beyond the peak of its curve, little by the split among units.",
         study="optimum",
     ),
