@@ -75,13 +75,13 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
         unit = "" if column.unit == "1" else f" {symbols.get(column.unit, column.unit)}"
         line: Row = {"setting": f"`{name}`", "value": f"{column.default:g}{unit}"}
         line["meaning"] = column.meaning
-        for words, factor in (("half", HALF), ("double", DOUBLE)):
+        for prefix, factor in (("half", HALF), ("double", DOUBLE)):
             changed = runs.get((name, factor))
             texts = "", ""
             if changed is not None:
                 more = 100.0 * (changed["damage"].sum() / whole["damage"].sum() - 1.0)
                 texts = GAIN.text(changed, whole), in_digits(more, 0, True)
-            line |= dict(zip((f"{words} [points]", f"{words}: Q [%]"), texts, strict=True))
+            line |= dict(zip((f"{prefix} [points]", f"{prefix}: Q [%]"), texts, strict=True))
         lines.append(line)
     return pd.DataFrame(lines)
 
