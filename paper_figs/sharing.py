@@ -223,8 +223,8 @@ FIGURES = {
     ),
     "optimum": Drawing(
         study_figure("optimum"),
-        "Wheel damage above the least with which drawn starts could reach the same end speed, summed: most is dissipated while "
-        "an axle is beyond the peak of its curve, little by the split among units.",
+        "Wheel damage above the least with which drawn starts could reach the same end speed, summed: most is dissipated "
+        "while an axle is beyond the peak of its curve, little by the split among units.",
         study="optimum",
     ),
     "assumptions": Drawing(
