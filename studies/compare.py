@@ -232,7 +232,7 @@ def list_information(rules: Sequence[str]) -> list[str]:
             groups.setdefault(rule.belief.description, []).append(name)
     if len(groups) < 2:
         return []
-    return [f"{', '.join(names)}: told {description}" for description, names in groups.items()]
+    return [f"{', '.join(names)}: given {description}" for description, names in groups.items()]
 
 
 def summarise_standings(standings: Sequence[Standing]) -> str:
