@@ -30,6 +30,7 @@ from studies import run_cell
 from studies.files.scenario import Scenario
 from studies.population import population
 from studies.runner.study import WIDE, Cell, Row, Study
+from studies.statistics import in_digits
 
 Floats = NDArray[np.float64]
 Pair = tuple[str, str]
@@ -201,7 +202,10 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
     percent = 100.0 / total["least"]
     above = {"above the least [%]": total["damage"] - total["least"]}
     above |= {f"{name} [%]": total[part] for part, (name, _) in PARTS.items()}
-    lines |= {name: [f"{value:.1f}" for value in part * percent] for name, part in above.items()}
+    lines |= {
+        name: [in_digits(value, 1, False) for value in part * percent]
+        for name, part in above.items()
+    }
     lines["median event [%]"] = [f"{100.0 * value:.1f}" for value in total["median"]]
     return pd.DataFrame(lines).reset_index(drop=True)
 
