@@ -1,5 +1,6 @@
 """Figures of the papers, by topic and by source, over one style."""
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -12,6 +13,7 @@ from matplotlib import style as styles
 from matplotlib.figure import Figure
 
 from alloc.files import write_whole
+from alloc.schema.errors import InputError
 from paper_figs.figure_data import tabulate_figure
 from paper_figs.style import Drawing
 from studies import StudyError
@@ -21,6 +23,9 @@ MODULES = (
     "methods", "model", "event", "sharing", "limits_sizes", "solvers",
     "jp5484215", "jp4209318", "rtri", "readhesion_paper", "jph07322414",
 )  # fmt: skip
+
+SMALL = 0.7
+"""Share of its usual width below which a figure's texts overlap, as their size stays."""
 
 
 def all_figures() -> dict[str, Drawing]:
@@ -83,18 +88,26 @@ def draw(
     """Draw figures into a folder, each with its caption and its data beside it; their files as they are written.
 
     `results` has the rows of the studies that figures show, as a sweep writes them; `style`: see `apply_style`; `width`: of
-    all [in], with heights in proportion.
+    all [in], with heights in proportion. Raises `StudyError` at the end for those that cannot be drawn.
     """
+    failed = []
     out.mkdir(parents=True, exist_ok=True)
     for name, drawing in figures.items():
         path = out / f"{name}.{kind}"
         rows = [pd.read_parquet(results / drawing.study / "rows.parquet")] if drawing.study else []
         with apply_style(style):
-            figure = drawing.draw(*rows)
+            try:
+                figure = drawing.draw(*rows)
+            except InputError as error:
+                of = f" by the rows of {results / drawing.study}" if drawing.study else ""
+                failed.append(f"figure {name!r}{of}: {error}")
+                continue
+            usual = figure.get_figwidth()
             if width is not None:
-                figure.set_size_inches(
-                    width, figure.get_figheight() * width / figure.get_figwidth()
-                )
+                figure.set_size_inches(width, figure.get_figheight() * width / usual)
+                if width < SMALL * usual:
+                    text = f"figure {name!r} is made for {usual:g} in; at {width:g} in its texts overlap"
+                    warnings.warn(text, stacklevel=2)
             write_whole(path, figure.savefig)
             data = tabulate_figure(figure)
         caption = partial(Path.write_text, data=f"{drawing.caption}\n", encoding="utf-8")
@@ -103,3 +116,5 @@ def draw(
             write_data = partial(data.to_csv, index=False, float_format="%.6g")
             write_whole(path.with_suffix(".csv"), write_data)
         yield path
+    if failed:
+        raise StudyError("; ".join(failed))

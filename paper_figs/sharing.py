@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from paper_figs.style import WIDE, Drawing
-from studies import benchmark
+from studies import StudyError, benchmark
 from studies.compare import REFERENCE, rank_rules
 from studies.standing import DISTRIBUTION, EFFORT, GAIN
 from studies.statistics import Interval, draw_forest
@@ -58,8 +58,15 @@ COSTS = {
 """Number of a standing: factor, and label of its panel."""
 
 
+def check_reference(rows: pd.DataFrame) -> None:
+    """Raise `StudyError` for a comparison without the rule that others are compared with."""
+    if REFERENCE not in set(rows["rule"]):
+        raise StudyError(f"rows of {REFERENCE!r} are missing; compare with it among --rules")
+
+
 def draw_rules(rows: pd.DataFrame) -> Figure:
     """What each rule adds to `REFERENCE`, a column for each rule and a mark for each controller."""
+    check_reference(rows)
     standings = [standing for standing in rank_rules(rows) if standing.rule != REFERENCE]
     controllers = list(dict.fromkeys(standing.controller for standing in standings))
     names = list(dict.fromkeys(standing.rule for standing in standings))
@@ -77,7 +84,7 @@ def draw_rules(rows: pd.DataFrame) -> Figure:
     marked = {standing.rule for standing in standings if "°" in standing.mark}
     labels = [f"{name}°" if name in marked else name for name in names]
     panels[-1].set_xticks(range(len(names)), labels, rotation=35, ha="right")
-    panels[-1].set_xlabel(f"rule; numbers are less those of {REFERENCE}")
+    panels[-1].set_xlabel(f"rule; numbers are minus those of {REFERENCE}")
     _add_legend(drawn, controllers)
     return drawn
 
@@ -99,6 +106,7 @@ FULL = 8.0
 
 def draw_rule_events(rows: pd.DataFrame) -> Figure:
     """Points of the bound over `REFERENCE` by event and rule, under each controller."""
+    check_reference(rows)
     good = rows[rows["status"] == "ok"]
     controllers = good["controller"].unique()
     used = good.pivot_table(index=["controller", "scenario"], columns="rule", values=EFFORT)

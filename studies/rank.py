@@ -55,6 +55,8 @@ STANDS_OUT = 0.05
 """Share of the time by which a cause is more than under the reference, from which on it is named."""
 BESIDE = 0.01
 """Share of the plan by which a limit differs from it."""
+MOST_FAILED = 0.05
+"""Share of events beyond which a part that failed in them has no place."""
 LONG = 10.0
 """Seconds of work that are announced before it begins."""
 
@@ -207,7 +209,7 @@ def tabulate_worst(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> pd
     gains = find_gain(runs, *parts).nsmallest(WORST)
     lines = [
         (event, gain, find_cause(str(event), pair), replay_command(str(event), pair))
-        for event, gain in gains[gains < 0.0].items()
+        for event, gain in gains[gains < -100.0 * standing.LITTLE].items()
     ]
     return pd.DataFrame(lines, columns=["event", "gain", "cause", "replay"])
 
@@ -287,8 +289,8 @@ def format_rank(pair: Pair, tables: Mapping[str, pd.DataFrame]) -> list[str]:
     lines += standing.list_marks(lines, {"=": f"cannot be told from {name}: {little}", **no_place})
     whole, points = gains.iloc[0], f"{100 * standing.LITTLE:g} points"
     trimmed, gained = in_digits(whole["trimmed"], 2, True), 100.0 * whole["gained"]
-    lines += [f"all without the outer tenths: {trimmed}; {gained:.0f} % gain more than {points}"]
-    lines += [f"harmed: loses more than {points}"]
+    lines += [f"mean without the best and the worst tenth of events: {trimmed}"]
+    lines += [f"{gained:.0f} % of events gain more than {points}; harmed: loses more than that"]
     if len(worst):
         lines += ["", f"worst events, {name} minus {reference}:"]
     for event in worst.itertuples():

@@ -303,7 +303,7 @@ def rank(
     from studies.benchmark import is_stale
     from studies.runner.provenance import describe_origin
 
-    tables_of_parts = {}
+    tables_of_parts, code = {}, 0
     for pair in ranking.find_pairs(part, under):
         study = ranking.rank_study(*pair)
         folder = work.out / study.name
@@ -315,7 +315,16 @@ def rank(
         rows, tables = results
         if not tables:
             return _report_failure(study, rows)
-        if work.as_json:
+        failed = rows[rows["status"] != "ok"]
+        if len(failed):
+            lost = f"{len(failed)} of {len(rows)} events failed in {study.name}"
+            _print_messages(
+                f"{lost}, first {failed['scenario'].iloc[0]}: {failed['reason'].iloc[0]}"
+            )
+        if len(failed) > ranking.MOST_FAILED * len(rows):
+            _print_messages("so few events give no place")
+            code = FAILED
+        elif work.as_json:
             name = ranking.compared_parts(*pair)[0]
             tables_of_parts[name] = {**tables, "about": describe_origin()}
         else:
@@ -327,7 +336,7 @@ def rank(
         _print_messages(
             "the stored rows are of other sources of alloc or mpc; readhesion benchmark computes them anew"
         )
-    return 0
+    return code
 
 
 def _print_answer(

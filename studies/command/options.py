@@ -52,7 +52,7 @@ Jobs = Annotated[int, _whole_number(1, 16 * (os.cpu_count() or 1))]
 Width = Annotated[float, Parameter(validator=Number(gt=0.5, lt=50.0))]
 Names = Annotated[
     list[str] | None,
-    Parameter(consume_multiple=True, negative_iterable=(), converter=_read_names),
+    Parameter(consume_multiple=1, negative_iterable=(), converter=_read_names),
 ]
 Flag = Annotated[bool, Parameter(negative=())]
 Json = Annotated[Flag, Parameter("--json")]

@@ -19,6 +19,7 @@ from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from paper_figs.figure_data import tabulate_figure
 from paper_figs.style import NARROW, WIDE, Drawing
+from studies import StudyError
 from studies.runner.catalogue import STUDIES
 
 FIGURES = paper_figs.all_figures()
@@ -97,6 +98,20 @@ def test_data_of_a_figure(tmp_path):
     assert data.loc[data["kind"] == "bar", "x_name"].tolist() == ["a", "b"]
 
 
+def test_what_cannot_be_drawn_is_named_after_the_others_and_what_is_too_narrow(tmp_path):
+    def refuse():
+        raise StudyError("rows are missing")
+
+    figures = {
+        name: Drawing(one, "A caption.") for name, one in (("bad", refuse), ("made", made_figure))
+    }
+    drawn = paper_figs.draw(figures, tmp_path, tmp_path, "png", width=2.0)
+    with pytest.warns(UserWarning, match=r"figure 'made' is made for 4 in; at 2 in"):
+        assert next(drawn).is_file()
+    with pytest.raises(StudyError, match="figure 'bad': rows are missing"):
+        next(drawn)
+
+
 @pytest.mark.parametrize("name", FIGURES)
 def test_caption_is_a_sentence(name):
     caption = FIGURES[name].caption
@@ -132,6 +147,8 @@ def test_figures_of_a_comparison():
     for name in ("rules", "rule-events"):
         with mpl.rc_context(fname=STYLE):
             FigureCanvasAgg(FIGURES[name].draw(rows)).draw()
+        with pytest.raises(StudyError, match="rows of 'alone' are missing"):
+            FIGURES[name].draw(rows[rows["rule"] != "alone"])
 
 
 @pytest.mark.parametrize("parts", [RULES, CONTROLLERS], ids=["rules", "controllers"])

@@ -114,14 +114,19 @@ def test_names(capsys):
     first = printed(capsys, "cite", "--bibtex").partition("\n}\n")[0]
     assert first.startswith("@software{readhesion,")
     lines = re.findall(
-        r'^[ -]*(\w+): "?([^"\n]+)', (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE
+        r'^[ -]*(?:date-)?(\w+): "?([^"\n]+)',
+        (ROOT / "CITATION.cff").read_text("utf-8"),
+        re.MULTILINE,
     )
     by, title, number, terms = (dict(lines)[key] for key in ("name", "title", "version", "license"))
     assert all(f"{{{field}}}" in first for field in (by, title, terms))
     commit = f", commit {find_commit()}" if find_commit() else ""
     assert f"version = {{{number}{commit}}}" in first
     assert number == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-    assert printed(capsys, "cite").startswith(f"{by}. {title}. {number}{commit}, {terms}.\n")
+    year = dict(lines)["released"][:4]
+    assert printed(capsys, "cite").startswith(
+        f"{by}. {title}. {year}, {number}{commit}, {terms}.\n"
+    )
 
 
 def test_own_rule(capsys, elsewhere):
@@ -199,6 +204,7 @@ def test_remarks(capsys, elsewhere):
     ("compare --jobs 0", "--jobs: 0"),
     ("compare wet-patch", "no option takes this"),
     ("compare --rules ,", "--rules: it has no name"),
+    ("compare --rules", "--rules requires"),
     ("compare --scheduler tcp://127.0.0.1:1 --scenario wet-start --rules alone --controllers none", "nobody works there"),
     ("simulate wet-patch --seed -1", "--seed: -1"),
     ("simulate wet-patch --rule gredy", "greedy"),

@@ -46,6 +46,27 @@ def test_a_rank_names_events_with_causes_and_commands_that_work(capsys, tmp_path
     assert ranking["used"].is_monotonic_decreasing
 
 
+FAILS = """
+import numpy as np
+from readhesion import RULES, Rule
+RULES.register("fails", Rule("fails", "where a train has units", answer=lambda p: np.full(min(p.n, 3), p.plan)))
+"""
+
+
+def test_a_part_that_fails_has_no_place(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fails.py").write_text(FAILS)
+    assert run(["rank", "fails.py", "--events", "6", "--jobs", "1"]) == 1
+    output, errors = capsys.readouterr()
+    assert "place" not in output
+    failed = re.search(
+        r"(\d) of 6 events failed in rank-fails-perturb-observe, first (\S+): .*shape", errors
+    )
+    assert failed
+    assert 1 <= int(failed[1]) < 6
+    assert load_scenario(failed[2]).event().world().units.size > 3
+
+
 def causes(rule, controller="perturb-observe", latency=0.05):
     telegrams = {"latency_s": latency, "silence_s": 5.0}
     event = load_scenario("wet-patch").changed(onboard={"telegrams": telegrams})
