@@ -19,6 +19,7 @@ from alloc.files import write_whole
 from studies import StudyError
 from studies.runner.provenance import describe_origin, origin_line
 from studies.runner.row_key import ROWS
+from studies.statistics import in_digits
 
 Row = dict[str, Any]
 BOOKKEEPING = ("cell", "name", "status", "reason", "wall_time", "batch")
@@ -126,7 +127,7 @@ def _format_rows(table: pd.DataFrame) -> Iterator[list[str]]:
 
     def format_entry(value: Any) -> str:
         if isinstance(value, float):
-            return "" if np.isnan(value) else f"{value:.3f}"
+            return "" if np.isnan(value) else in_digits(value, 3, False)
         return str(value)
 
     yield [str(name) for name in table]
