@@ -69,7 +69,7 @@ def draw_course(*runs: xr.Dataset) -> Figure:
     Of many units the foremost and the rearmost are shown, and all together.
     """
     count = runs[0].sizes["unit"]
-    strips = {f"unit {unit + 1}": [unit] for unit in sorted({0, count - 1})}
+    strips = {f"unit {unit + 1} of {count}": [unit] for unit in sorted({0, count - 1})}
     strips["all units"] = list(range(count))
     heights = (1.3, 1.3, *[1.0] * len(strips))
     drawn = Figure(figsize=(WIDE if len(runs) > 1 else NARROW, 5.2), layout="constrained")
@@ -104,6 +104,7 @@ def draw_course(*runs: xr.Dataset) -> Figure:
         axes.set_title(f"all units{result}", loc="right", pad=2.0)
         axes.set_xlabel("time [s]")
         title = f"{run.attrs['rule']}, {run.attrs['controller']}"
+        title = title if len(runs) > 1 else f"{run.attrs['event']}: {title}"
         column[0].set_title(title, color=_rule_colour(run))
     for axes in panels[2:, 0]:
         axes.set_ylabel("coefficient [1]")

@@ -127,8 +127,11 @@ def lay_out(rows: Sequence[Row]) -> pd.DataFrame:
         }
         if "least" in row:
             percent = 100.0 / row["least"]
-            line["above [%]"] = f"{(row['damage'] - row['least']) * percent:.1f}"
-            line |= {f"{head} [%]": f"{row[key] * percent:.1f}" for key, (head, _) in PARTS.items()}
+            line["above [%]"] = in_digits((row["damage"] - row["least"]) * percent, 1, False)
+            line |= {
+                f"{head} [%]": in_digits(row[key] * percent, 1, False)
+                for key, (head, _) in PARTS.items()
+            }
         lines.append(line)
     return pd.DataFrame(lines).fillna("–")
 
@@ -151,6 +154,7 @@ def draw_beside(comparison: Comparison) -> Figure:
         )
         column[0].set_title(f"{title}: Q = {1e-3 * work:.1f} kJ")
         column[1].set(xlabel="time [s]", xlim=time[[0, -1]])
+    drawn.suptitle(f"{run.attrs['event']}: a line for each unit, and for each driven axle")
     panels[0, 0].set_ylabel("torque of a motor [kN m]")
     panels[1, 0].set_ylabel("slip of axles [m/s]")
     return drawn

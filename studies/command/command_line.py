@@ -231,6 +231,7 @@ def optimum(
         _print_json(comparison.rows)
     else:
         print(markdown_table(study.lay_out(comparison.rows)), end="")
+        print("oracle: the rule that knows the rail; parts of Q above the least: docs/optimum.md")
     _print_messages(*(row["reason"] for row in comparison.rows if "least" not in row))
     solved = any(comparison.optima)
     if figure is not None and solved:
