@@ -62,13 +62,36 @@ def find_missing(figures: dict[str, Drawing], results: Path) -> list[str]:
 def apply_style(style: str = "") -> Iterator[None]:
     """A context in which figures have the style of the papers, and over it that of a Matplotlib style file.
 
-    `style`: a file, or a name, of this folder such as "latex" or of Matplotlib. Raises `OSError` where there is none.
+    `style`: a file, or a name, of this folder such as "latex" or of Matplotlib. Raises `StudyError` where there is none, and
+    for what is wrong in a file.
     """
     with mpl.rc_context(fname=str(Path(__file__).with_name("readhesion.mplstyle"))):
         if style:
             shipped = Path(__file__).parent / f"{style}.mplstyle"
-            styles.use(shipped if shipped.is_file() else style)
+            path = shipped if shipped.is_file() else Path(style)
+            if path.is_file():
+                mpl.rcParams.update(_read_style(path))
+            elif style in styles.available:
+                styles.use(style)
+            else:
+                raise StudyError(
+                    f"style {style!r}: no file, and no name; give a file, latex, or a name of Matplotlib's"
+                )
         yield
+
+
+def _read_style(path: Path) -> mpl.RcParams:
+    """The settings of a style file; Matplotlib itself passes over lines that it does not know."""
+    for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
+        key = line.partition("#")[0].partition(":")[0].strip()
+        if key and key not in mpl.rcParams:
+            raise StudyError(
+                f"style {str(path)!r}, line {number}: Matplotlib has no setting {key!r}"
+            )
+    try:
+        return mpl.rc_params_from_file(path, fail_on_error=True, use_default_template=False)
+    except ValueError as error:
+        raise StudyError(f"style {str(path)!r}: {error}") from error
 
 
 def save(draw: Callable[[], Figure], path: Path) -> None:
