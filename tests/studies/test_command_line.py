@@ -225,7 +225,7 @@ def test_remarks(capsys, elsewhere):
     ("figures --source jp99", "jp99"),
     ("figures limits --style nothing", "nothing"),
     ("figures limits --width 0", "--width"),
-    ("figures limits --style README.md", "no setting"),
+    (f"figures limits --style {ROOT}/README.md", "no setting"),
     ("list ruls", "rules"),
     ("check nobody", "nobody"),
     ("report", "readhesion compare"),
