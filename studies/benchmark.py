@@ -128,7 +128,7 @@ def store_rows(rows: pd.DataFrame, path: Path) -> None:
     parts = ["scenario", "seed", "rule", "controller", "knob", *population.STRATA]
     types = {"knob": float} | dict.fromkeys(METRICS_STORED, "float32")
     small = rows[[*parts, *METRICS_STORED, "status"]].astype(types)
-    small.attrs = {"sources": hash_sources(run), **describe_origin()}
+    small.attrs = {"sources": _hash_parts(), **describe_origin()}
     write_whole(path, partial(small.to_parquet, index=False, compression="zstd"))
 
 
@@ -140,9 +140,14 @@ def read_stored() -> pd.DataFrame:
     raise StudyError(f"{ROOT / STORED[0]} is missing; run readhesion benchmark")
 
 
+def _hash_parts() -> str:
+    """Of the sources behind all stored rows: controllers are called by name, so theirs count beside."""
+    return hash_sources(run, tuple(sorted(map(CONTROLLERS.origin, CONTROLLERS.shipped()))))
+
+
 def is_stale() -> bool:
     """Whether the stored rows were computed by other sources than these."""
-    return bool(read_stored().attrs.get("sources") != hash_sources(run))
+    return bool(read_stored().attrs.get("sources") != _hash_parts())
 
 
 def summarise_stored(compared: pd.DataFrame) -> str:

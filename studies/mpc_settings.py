@@ -48,6 +48,7 @@ def cells(events: int, seed: int) -> list[Cell]:
             f"{event.name}/{name} x {factor}",
             (event, (name, factor), k),
             {"scenario": event.name, "setting": name, "factor": factor},
+            (CONTROLLERS.origin("mpc"),),
         )
         for k in range(events)
         for event in [population.event(seed, k)]

@@ -27,6 +27,8 @@ import numpy as np
 
 from alloc.compilation import FOLDER, ROOT
 from alloc.files import write_whole
+from alloc.onboard.controllers import CONTROLLERS
+from alloc.rules import RULES
 from alloc.schema.errors import InputError
 from studies import SourcesChanged
 
@@ -60,8 +62,15 @@ Name = tuple[str, str]
 
 
 def hash_cell(run: Callable[..., Any], args: tuple[Any, ...], sources: tuple[str, ...] = ()) -> str:
-    """Hash of what decides the rows that `run(*args)` gives; `sources`: modules of parts that `args` name."""
-    text = json.dumps([_plain_value(run), args, hash_sources(run, sources)], default=_plain_value)
+    """Hash of what decides the rows that `run(*args)` gives: rules and controllers among `args` too, which no name reaches.
+
+    `sources`: modules of other parts that `args` name.
+    """
+    parts = {*sources}
+    for registry in (RULES, CONTROLLERS):
+        parts |= {registry.origin(arg) for arg in args if isinstance(arg, str) and arg in registry}
+    found = hash_sources(run, tuple(sorted(parts)))
+    text = json.dumps([_plain_value(run), args, found], default=_plain_value)
     return _hash_text(text)
 
 

@@ -37,6 +37,14 @@ def test_its_cells_are_different(study):
     assert len({one.name for one in cells}) == len(cells)
 
 
+def test_rows_of_the_mpc_follow_its_sources(study):
+    """Controllers are called by name, so no definition that is followed leads to them."""
+    for one in study.cells(1, SEED):
+        if study.name.startswith("mpc") or "mpc" in map(str, one.columns.values()):
+            found = hash_cell(study.run, one.args, one.sources)
+            assert found == hash_cell(study.run, one.args, (*one.sources, "mpc.unit")), one.name
+
+
 def test_more_events_add_cells_and_change_none(study):
     few, many = (keys(study, study.cells(events, SEED)) for events in (2, 3))
     assert set(few) < set(many)
