@@ -82,13 +82,11 @@ def apply_style(style: str = "") -> Iterator[None]:
 
 def _read_style(path: Path) -> mpl.RcParams:
     """The settings of a style file; Matplotlib itself passes over lines that it does not know."""
-    for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
-        key = line.partition("#")[0].partition(":")[0].strip()
-        if key and key not in mpl.rcParams:
-            raise StudyError(
-                f"style {str(path)!r}, line {number}: Matplotlib has no setting {key!r}"
-            )
     try:
+        for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
+            key = line.partition("#")[0].partition(":")[0].strip()
+            if key and key not in mpl.rcParams:
+                raise ValueError(f"line {number}: Matplotlib has no setting {key!r}")
         return mpl.rc_params_from_file(path, fail_on_error=True, use_default_template=False)
     except ValueError as error:
         raise StudyError(f"style {str(path)!r}: {error}") from error

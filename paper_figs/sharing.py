@@ -17,7 +17,7 @@ from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from paper_figs.style import WIDE, Drawing
 from studies import StudyError, benchmark
-from studies.compare import REFERENCE, rank_rules
+from studies.compare import REFERENCE, check_parts, rank_rules
 from studies.standing import DISTRIBUTION, EFFORT, GAIN
 from studies.statistics import Interval, draw_forest
 
@@ -58,15 +58,16 @@ COSTS = {
 """Number of a standing: factor, and label of its panel."""
 
 
-def check_reference(rows: pd.DataFrame) -> None:
-    """Raise `StudyError` for a comparison without the rule that others are compared with."""
+def check_comparison(rows: pd.DataFrame) -> None:
+    """Raise `StudyError` for parts that nobody registered, and without the rule that others are compared with."""
+    check_parts(rows)
     if REFERENCE not in set(rows["rule"]):
         raise StudyError(f"rows of {REFERENCE!r} are missing; compare with it among --rules")
 
 
 def draw_rules(rows: pd.DataFrame) -> Figure:
     """What each rule adds to `REFERENCE`, a column for each rule and a mark for each controller."""
-    check_reference(rows)
+    check_comparison(rows)
     standings = [standing for standing in rank_rules(rows) if standing.rule != REFERENCE]
     controllers = list(dict.fromkeys(standing.controller for standing in standings))
     names = list(dict.fromkeys(standing.rule for standing in standings))
@@ -106,7 +107,7 @@ FULL = 8.0
 
 def draw_rule_events(rows: pd.DataFrame) -> Figure:
     """Points of the bound over `REFERENCE` by event and rule, under each controller."""
-    check_reference(rows)
+    check_comparison(rows)
     good = rows[rows["status"] == "ok"]
     controllers = good["controller"].unique()
     used = good.pivot_table(index=["controller", "scenario"], columns="rule", values=EFFORT)

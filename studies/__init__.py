@@ -7,6 +7,10 @@ class StudyError(InputError):
     """What a user can mend: a file, an option, a part; the message is one line that names it and says what to do."""
 
 
+class PartFailed(RuntimeError):
+    """A part failed in so many events that the others tell nothing of it."""
+
+
 class WorkerLost(RuntimeError):
     """A worker ended before its work did; what was computed is kept."""
 

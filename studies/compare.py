@@ -136,6 +136,18 @@ class Standing(NamedTuple):
         return self.rule + self.mark + ("=" if self.tied else "")
 
 
+def check_parts(rows: pd.DataFrame) -> None:
+    """Raise `StudyError` where a rule or a controller of these rows is not registered."""
+    kinds: Any = (("rule", RULES), ("controller", CONTROLLERS))
+    for kind, parts in kinds:
+        for name in rows[kind].unique():
+            if name not in parts:
+                raise StudyError(
+                    f"the {kind} {name!r} of this comparison is not registered: "
+                    "name the file that registers it, readhesion --plugin FILE before the command"
+                )
+
+
 def rank_rules(rows: pd.DataFrame) -> list[Standing]:
     """Every rule under every controller, over the events that all its rules have; the best first, slow controllers last."""
     standings = []

@@ -22,7 +22,7 @@ from alloc.onboard.beliefs import BELIEFS
 from alloc.onboard.controllers import CONTROLLERS
 from alloc.rules import RULES
 from alloc.schema.registry import OWN
-from studies import StudyError, standing
+from studies import PartFailed, StudyError, standing
 from studies.benchmark import (
     BASE,
     SEARCH,
@@ -70,9 +70,18 @@ def compared_parts(rule: str, controller: str) -> tuple[str, str]:
 
 
 def _join_runs(rows: pd.DataFrame, new_rows: pd.DataFrame, pair: Pair) -> Runs:
-    """The runs of a new pair, by the name of its part, beside the stored ones over the same events."""
+    """The runs of a new pair, by the name of its part, beside the stored ones over the same events.
+
+    Raises `PartFailed` where it failed in too many of them.
+    """
     (name, reference), (rule, controller) = compared_parts(*pair), pair
-    good = new_rows[new_rows["status"] == "ok"].set_index("scenario")
+    worked = new_rows["status"] == "ok"
+    if (~worked).mean() > MOST_FAILED:
+        lost = f"{(~worked).sum()} of {len(new_rows)} events failed in rank-{rule}-{controller}"
+        first = new_rows[~worked].iloc[0]
+        advice = f"a part has a place if at most {MOST_FAILED:.0%} fail"
+        raise PartFailed(f"{lost}, first {first['scenario']}: {first['reason']}; {advice}")
+    good = new_rows[worked].set_index("scenario")
     same = rows[rows["scenario"].isin(good.index)]
     runs = split_runs(same, BASE if rule == BASE else controller)
     numbers = good.loc[runs[reference].index, [EFFORT, "over_delivery"]].astype("float32")

@@ -89,13 +89,7 @@ def _read_rows(folder: Path) -> pd.DataFrame:
     if not path.is_file():
         raise StudyError(f"{folder} has no comparison: run readhesion compare first")
     rows = pd.read_parquet(path)
-    for kind, parts in (("rule", list(RULES)), ("controller", list(CONTROLLERS))):
-        for name in rows[kind].unique():
-            if name not in parts:
-                raise StudyError(
-                    f"the {kind} {name!r} of this comparison is not registered: "
-                    "run readhesion --plugin FILE report with the file that registers it"
-                )
+    compare.check_parts(rows)
     if not (rows["status"] == "ok").any():
         raise StudyError(f"every run of {folder} failed, such as by: {rows['reason'].iloc[0]}")
     return rows

@@ -149,6 +149,8 @@ def test_figures_of_a_comparison():
             FigureCanvasAgg(FIGURES[name].draw(rows)).draw()
         with pytest.raises(StudyError, match="rows of 'alone' are missing"):
             FIGURES[name].draw(rows[rows["rule"] != "alone"])
+        with pytest.raises(StudyError, match="rule 'mine' of this comparison is not registered"):
+            FIGURES[name].draw(rows.replace({"rule": {"wear": "mine"}}))
 
 
 @pytest.mark.parametrize("parts", [RULES, CONTROLLERS], ids=["rules", "controllers"])

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 import readhesion
 from alloc.rules import RULES
-from studies import benchmark, rank
+from studies import PartFailed, benchmark, rank
 from studies.command.command_line import run
 from studies.files.scenario_files import load_scenario
 
@@ -65,6 +65,9 @@ def test_a_part_that_fails_has_no_place(capsys, tmp_path, monkeypatch):
     assert failed
     assert 1 <= int(failed[1]) < 6
     assert load_scenario(failed[2]).event().world().units.size > 3
+    assert not (tmp_path / "results/rank-fails-perturb-observe/table.md").exists()
+    with pytest.raises(PartFailed, match=f"{failed[1]} of 6 events failed"):
+        readhesion.rank("fails", events=6, out=tmp_path / "results/rank-fails-perturb-observe")
 
 
 def causes(rule, controller="perturb-observe", latency=0.05):
