@@ -69,8 +69,8 @@ def hash_cell(run: Callable[..., Any], args: tuple[Any, ...], sources: tuple[str
     parts = {*sources}
     for registry in (RULES, CONTROLLERS):
         parts |= {registry.origin(arg) for arg in args if isinstance(arg, str) and arg in registry}
-    found = hash_sources(run, tuple(sorted(parts)))
-    text = json.dumps([_plain_value(run), args, found], default=_plain_value)
+    code = hash_sources(run, tuple(sorted(parts)))
+    text = json.dumps([_plain_value(run), args, code], default=_plain_value)
     return _hash_text(text)
 
 
